@@ -1,0 +1,33 @@
+"""Bounds of a field, attached with `Annotated`; the codec and the settings reader both obey them."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Closed interval [low, high] in the field's own unit; `None` = unbounded on that side."""
+
+    low: float | None = None
+    high: float | None = None
+
+    def fault(self, value: float) -> str | None:
+        """Why `value` is out of bounds, or `None`."""
+        if self.low is not None and value < self.low:
+            return f"must be >= {self.low:g}, got {value:g}"
+        if self.high is not None and value > self.high:
+            return f"must be <= {self.high:g}, got {value:g}"
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class OneOf:
+    """The texts a field may hold."""
+
+    choices: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MaxLength:
+    """The most characters (text) or entries (list) a field may hold."""
+
+    count: int

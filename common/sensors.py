@@ -1,0 +1,134 @@
+"""One table of roles, and the facts of one boat's sensors (the board's configuration file, design section 3).
+
+Liveness limits, frame fields and documentation derive from `ROLES`. The board's file is the only source of sensor facts:
+the parsed tables travel in `connected` and into the log.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Final
+
+from common.ranges import MaxLength, OneOf, Range
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What a role means to both sides."""
+
+    text: str
+    nominal_rate_hz: float
+    """Used when the configuration gives no `rate_hz`."""
+    periodic: bool
+    """False = event sensor (AIS, radar): silence is no fault and never reopens the port."""
+    kinds: tuple[str, ...]
+    """Measurement types (class names of `common.messages`) it may produce."""
+
+
+ROLES: Final[dict[str, Role]] = {
+    "gps": Role("GNSS receiver", 1.0, True, ("Fix", "ClockPair", "RawLine")),
+    "imu": Role("inertial unit: forward and starboard acceleration, yaw rate", 20.0, True, ("ImuBlock", "Attitude")),
+    "gyro": Role("rate gyro", 20.0, True, ("TurnRate",)),
+    "compass": Role("magnetic or true heading", 10.0, True, ("Heading", "TurnRate")),
+    "ais": Role("AIS receiver", 1.0, False, ("AisLine",)),
+    "radar": Role("marine radar's own target tracker", 1.0, False, ("RadarTarget", "RawLine")),
+}
+
+
+def role_of(sensor_id: str) -> str:
+    """`compass2` -> `compass`."""
+    return sensor_id.rstrip("0123456789")
+
+
+def stale_after_s(role: str, rate_hz: float | None) -> float:
+    """Age at which the newest value of a periodic sensor counts as stale: max(3 s, 5 periods); inf for event sensors."""
+    if not ROLES[role].periodic:
+        return float("inf")
+    return max(3.0, 5.0 / (rate_hz or ROLES[role].nominal_rate_hz))
+
+
+Name = Annotated[str, MaxLength(32)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoatTable:
+    """`[boat]`."""
+
+    id: Annotated[str, MaxLength(64)]
+    variation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
+    """Magnetic variation where the boat sails, east +; used when neither compass nor (later) the world model gives it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FramesTable:
+    """`[frames]`."""
+
+    rate_hz: Annotated[float, Range(1.0, 20.0)] = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkTable:
+    """`[link]`: where the daemon listens."""
+
+    bind: Annotated[str, MaxLength(128)] = "tcp://*:5760"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PortTable:
+    """`[[port]]`: one serial port; several sensors may share it."""
+
+    name: Name
+    path: Annotated[str, MaxLength(256)]
+    baud: Annotated[int, Range(300, 4_000_000)] = 4800
+    byte_budget_per_s: Annotated[int, Range(100, 10_000_000)] | None = None
+    """Bytes a second that are parsed; the rest is discarded and the port marked flooded. Default: 4 x what its sensors
+    nominally send, never above what the baud rate can carry twice over."""
+
+
+IMU_AXES: Final = ("accel_fwd", "accel_stb", "yaw_rate")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorTable:
+    """`[[sensor]]`: one sensor on a port. Sigmas are 1-sigma and what the station's filters start from."""
+
+    id: Name
+    """Role + number: gps1, imu1, gyro1, compass1..4, ais1, radar1."""
+    port: Name
+    role: Annotated[str, OneOf(tuple(ROLES))]
+    model: Name = "nmea"
+    talkers: tuple[Annotated[str, MaxLength(2)], ...] = ()
+    """Only sentences of these talkers (shared port); empty = all."""
+    rate_hz: Annotated[float, Range(0.01, 1000.0)] | None = None
+    latency_ms: Annotated[float, Range(0.0, 10_000.0)] = 0.0
+    """Validity of a measurement before the first byte of its (first) sentence reaches the board."""
+    sigma_m: Annotated[float, Range(0.001, 1000.0)] = 3.0
+    """GPS: for each horizontal axis."""
+    sigma_deg: Annotated[float, Range(0.001, 180.0)] = 1.0
+    """Compass."""
+    accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.05
+    """IMU acceleration noise, m/s^2/sqrt(Hz)."""
+    gyro_density_deg: Annotated[float, Range(1e-6, 1000.0)] = 0.1
+    """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz)."""
+    bias_accel_fwd_m_s2: float = 0.0
+    """Known bias, subtracted ashore (thesis Eq. 3.2)."""
+    bias_accel_stb_m_s2: float = 0.0
+    bias_yaw_rate_deg_s: float = 0.0
+    """Thesis Eq. 3.3."""
+    deviation_deg: Annotated[float, Range(-180.0, 180.0)] = 0.0
+    """Compass deviation, east +: true = compass + deviation + variation."""
+    use: tuple[Annotated[str, OneOf(IMU_AXES)], ...] = IMU_AXES
+    """IMU axes the filters may use; the others are recorded only."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoatConfig:
+    """The whole of the board's file, as it travels in `connected` and into the log."""
+
+    boat: BoatTable
+    frames: FramesTable = field(default_factory=FramesTable)
+    link: LinkTable = field(default_factory=LinkTable)
+    port: tuple[PortTable, ...] = ()
+    sensor: tuple[SensorTable, ...] = ()
+
+    def with_role(self, role: str) -> tuple[SensorTable, ...]:
+        """The sensors of one role, in file order."""
+        return tuple(sensor for sensor in self.sensor if sensor.role == role)

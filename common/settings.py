@@ -1,0 +1,138 @@
+"""dict -> frozen dataclasses: unknown keys refused, types and ranges checked, all faults reported at once.
+
+    config = read_toml("boat.toml", BoatConfig)
+    SettingsError: boat.toml: [[sensor]] gps1.rate_hz: must be >= 0.01, got -1
+
+Types understood: str, int, float (an int is taken for a float), bool, nested dataclasses, `tuple[X, ...]`, `X | None`,
+each with `Annotated` bounds of `common.ranges`.
+"""
+
+import dataclasses
+import math
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_args, get_origin
+
+from common.errors import SettingsError
+from common.ranges import MaxLength, OneOf, Range
+
+T = TypeVar("T")
+
+_TYPE_WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
+
+
+def read_toml(path: str | Path, table: type[T]) -> T:
+    """Read a TOML file into the frozen dataclass `table`; raises SettingsError with every fault found."""
+    file = str(path)
+    try:
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(file, [f"cannot be read ({error.strerror})"], "give the path of a readable file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(file, [f"is not valid TOML: {error}"]) from error
+    return convert(data, table, file)
+
+
+def convert(data: Mapping[str, Any], table: type[T], file: str = "settings") -> T:
+    """Turn nested dicts (TOML, or the wire's config map) into `table`; raises SettingsError with every fault found."""
+    faults: list[str] = []
+    value = _table(data, table, "", faults)
+    if faults:
+        raise SettingsError(file, faults)
+    return typing.cast(T, value)
+
+
+def as_dict(value: Any) -> Any:
+    """The reverse of `convert`: plain dicts and lists, `None` left out, fit for MessagePack, JSON and TOML."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        pairs = ((field.name, getattr(value, field.name)) for field in dataclasses.fields(value))
+        return {name: as_dict(item) for name, item in pairs if item is not None}
+    if isinstance(value, tuple | list):
+        return [as_dict(item) for item in value]
+    return value
+
+
+def _table(data: Any, table: type, where: str, faults: list[str]) -> Any:
+    if not isinstance(data, Mapping):
+        faults.append(f"{where or 'top level'}: must be a table")
+        return None
+    hints = typing.get_type_hints(table, include_extras=True)
+    for key in data:
+        if key not in hints:
+            near = get_close_matches(str(key), hints, 1)
+            hint = f", did you mean {near[0]}?" if near else f" (known: {', '.join(hints)})"
+            faults.append(f"{_join(where, key)}: unknown key{hint}")
+    values = {}
+    for field in dataclasses.fields(table):
+        if field.name in data:
+            values[field.name] = _value(data[field.name], hints[field.name], _join(where, field.name), faults)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            faults.append(f"{_join(where, field.name)}: missing")
+    if faults:
+        return None
+    return table(**values)
+
+
+def _value(value: Any, hint: Any, where: str, faults: list[str]) -> Any:
+    bounds: tuple[Any, ...] = ()
+    if get_origin(hint) is Annotated:
+        hint, *rest = get_args(hint)
+        bounds = tuple(rest)
+    if get_origin(hint) in (typing.Union, types.UnionType):
+        return _value(value, next(arm for arm in get_args(hint) if arm is not type(None)), where, faults)
+    if get_origin(hint) is tuple:
+        return _list(value, get_args(hint)[0], where, faults)
+    if dataclasses.is_dataclass(hint):
+        return _table(value, typing.cast(type, hint), where, faults)
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):
+        faults.append(f"{where}: must be {_TYPE_WORDS[hint]}, got {value!r}")
+        return None
+    fault = _bound_fault(value, bounds)
+    if fault:
+        faults.append(f"{where}: {fault}")
+    return value
+
+
+def _list(value: Any, item_hint: Any, where: str, faults: list[str]) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        faults.append(f"{where}: must be a list, got {value!r}")
+        return ()
+    items = []
+    for number, item in enumerate(value, 1):
+        # Each entry is checked apart, so that one broken sensor does not hide the faults of the next.
+        inner: list[str] = []
+        items.append(_value(item, item_hint, _entry(where, item, number), inner))
+        faults.extend(inner)
+    return tuple(items)
+
+
+def _bound_fault(value: Any, bounds: tuple[Any, ...]) -> str | None:
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"must be finite, got {value}"
+    for bound in bounds:
+        if isinstance(bound, Range) and (fault := bound.fault(value)):
+            return fault
+        if isinstance(bound, OneOf) and value not in bound.choices:
+            return f"must be one of {', '.join(bound.choices)}, got {value!r}"
+        if isinstance(bound, MaxLength) and len(value) > bound.count:
+            return f"must be at most {bound.count} characters, got {len(value)}"
+    return None
+
+
+def _entry(where: str, item: Any, number: int) -> str:
+    """Entries of `[[sensor]]` and `[[port]]` are named by their id or name, others by their number."""
+    name = None
+    if isinstance(item, Mapping):
+        name = item.get("id") or item.get("name")
+        return f"[[{where}]] {name if isinstance(name, str) else number}"
+    return f"{where}[{number}]"
+
+
+def _join(where: str, key: object) -> str:
+    return f"{where}.{key}" if where else f"{key}"

@@ -1,0 +1,11 @@
+"""Unit conversions used at the edges (decoders, views); everything between is SI."""
+
+from typing import Final
+
+METRES_PER_NAUTICAL_MILE: Final = 1852.0
+M_S_PER_KN: Final = METRES_PER_NAUTICAL_MILE / 3600.0
+"""1 kn in m/s."""
+STANDARD_GRAVITY_M_S2: Final = 9.80665
+NS_PER_S: Final = 1_000_000_000
+NS_PER_MS: Final = 1_000_000
+NS_PER_US: Final = 1_000
