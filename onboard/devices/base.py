@@ -1,0 +1,79 @@
+"""What every driver shares: lines in, outcomes out; bad input is an outcome with a reason, never an exception.
+
+A driver is pure: it takes a line and its time, returns values, reads no clock, opens nothing.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from common.messages import AisLine, Attitude, ClockPair, Fix, Heading, RadarTarget, RawLine, TurnRate
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a port, line end removed."""
+
+    t_ns: int
+    """Boat time of the chunk that brought the line's first byte."""
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSample:
+    """One reading of an inertial unit; the framer gathers them into an ImuBlock. Covers the interval ending at `t_ns`."""
+
+    sensor: str
+    t_ns: int
+    accel_fwd_m_s2: float
+    accel_stb_m_s2: float
+    yaw_rate_deg_s: float
+
+
+Measurement = Fix | ImuSample | Heading | TurnRate | Attitude | ClockPair | AisLine | RadarTarget | RawLine
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """A good line of `sensor`. `kind` names it for the counters (`GGA`, `HDG`, `ArduIMU`); a line that only adds to an
+    epoch still open (GGA before RMC) is accepted with no measurement yet."""
+
+    sensor: str
+    kind: str
+    measurements: tuple[Measurement, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """A bad line: `reason` is a short fixed word of the counters (`checksum`, `range`, `not-a-number`, ...)."""
+
+    reason: str
+    sensor: str | None = None
+    """`None` where the line cannot be told to belong to a sensor of the port."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ignored:
+    """A well-formed line that nobody asked for (GSV, start-up text, another talker); counted apart from rejects."""
+
+    kind: str
+
+
+Outcome = Accepted | Rejected | Ignored
+
+
+class Driver(Protocol):
+    """One sensor's decoder. One object for each `[[sensor]]`, living as long as the daemon."""
+
+    sensor: str
+
+    def claims(self, line: Line) -> bool:
+        """Is this line this sensor's business (shape, talker and formatter only; checksum not yet looked at)?"""
+        ...
+
+    def feed(self, line: Line) -> Outcome:
+        """Decode one claimed line. Never raises."""
+        ...
+
+    def flush(self, now_ns: int) -> tuple[Measurement, ...]:
+        """What is due at `now_ns` without another line: a GPS epoch that nothing has followed for 150 ms."""
+        ...
