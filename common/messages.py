@@ -255,11 +255,14 @@ class Frame:
     boot_id: Annotated[str, MaxLength(16)]
     """16 hex digits drawn at each start of the daemon."""
     seq: Annotated[int, Range(0, 2**53)]
+    """Board frames count from 0 at each start."""
     clock_id: Annotated[str, MaxLength(64)]
     """Equal clock_id = comparable times."""
     start_no: Annotated[int, Range(0, 2**53)]
     t0_ns: int
     t1_ns: int
+    first_seq: Annotated[int, Range(0, 2**53)] | None = None
+    """Set on a frame merged from several board frames (`run` with a period): their first seq; `seq` is their last."""
     utc_ns: UtcNs | None = None
     """UTC of t0_ns."""
     utc_unc_ns: Annotated[int, Range(0, 2**63 - 1)] | None = None

@@ -6,9 +6,9 @@ has a second part with the frame's bytes, unchanged from board to log.
     client -> board   hello      {schema, client}
     board  -> client  connected  {schema, boat_id, boot_id, clock_id, start_no, next_seq, config, versions, sensors}
     client -> board   run        {m, period_s}      m frames of one period each, in order, none skipped, then `end`
-                      run        {}                 continuous at the board's frame rate until bye or end
+                      run        {}                 continuous: every frame from `next_seq` on, until bye or end
     board  -> client  frame      {k}                + frame bytes; k = 1..m
-                      end        {sent, reason}     ends the session, never the daemon
+                      end        {sent, next_seq, reason}   ends the session, never the daemon
                       error      {what, cure}
     client -> board   bye        {}
 

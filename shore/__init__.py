@@ -1,0 +1,1 @@
+"""The station ashore: receives frames, filters, shows, logs, replays."""

@@ -1,0 +1,23 @@
+"""Drivers: lines of a port to typed measurements, one file for each device family.
+
+Every line ends as Accepted, Rejected (with a reason) or Ignored; nothing here raises on bad input, reads a clock or
+opens anything.
+"""
+
+from onboard.devices.base import Accepted, Driver, Ignored, ImuSample, Line, Measurement, Outcome, Rejected
+from onboard.devices.port_decoder import PortDecoder
+from onboard.devices.registry import MODELS, make_driver
+
+__all__ = [
+    "MODELS",
+    "Accepted",
+    "Driver",
+    "Ignored",
+    "ImuSample",
+    "Line",
+    "Measurement",
+    "Outcome",
+    "PortDecoder",
+    "Rejected",
+    "make_driver",
+]

@@ -16,11 +16,13 @@ class Line:
     t_ns: int
     """Boat time of the chunk that brought the line's first byte."""
     data: bytes
+    end_ns: int | None = None
+    """Boat time of the chunk that brought the line's end: 0.17 s later at 4800 baud; `None` = as `t_ns`."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImuSample:
-    """One reading of an inertial unit; the framer gathers them into an ImuBlock. Covers the interval ending at `t_ns`."""
+    """One reading of an inertial unit, covering the interval that ends at `t_ns`; the framer gathers them."""
 
     sensor: str
     t_ns: int
@@ -34,8 +36,11 @@ Measurement = Fix | ImuSample | Heading | TurnRate | Attitude | ClockPair | AisL
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """A good line of `sensor`. `kind` names it for the counters (`GGA`, `HDG`, `ArduIMU`); a line that only adds to an
-    epoch still open (GGA before RMC) is accepted with no measurement yet."""
+    """A good line of `sensor`.
+
+    `kind` names it for the counters (`GGA`, `HDG`, `ArduIMU`); a line that only adds to an epoch still open (GGA before
+    RMC) is accepted with no measurement of its own yet.
+    """
 
     sensor: str
     kind: str
@@ -67,7 +72,7 @@ class Driver(Protocol):
     sensor: str
 
     def claims(self, line: Line) -> bool:
-        """Is this line this sensor's business (shape, talker and formatter only; checksum not yet looked at)?"""
+        """Is this line this sensor's business? Shape, talker and formatter only; the checksum is not looked at yet."""
         ...
 
     def feed(self, line: Line) -> Outcome:
@@ -75,5 +80,9 @@ class Driver(Protocol):
         ...
 
     def flush(self, now_ns: int) -> tuple[Measurement, ...]:
-        """What is due at `now_ns` without another line: a GPS epoch that nothing has followed for 150 ms."""
+        """What is due at `now_ns` without another line: a GPS epoch that nothing has followed for 150 ms.
+
+        `now_ns` is the time up to which all lines are known (`LineSplitter.complete_until`): a sentence takes 0.17 s
+        to arrive at 4800 baud, and while it does the port is not quiet.
+        """
         ...

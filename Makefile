@@ -1,0 +1,55 @@
+# Every target sets up what it needs: a virtual environment in .venv with the pinned versions of constraints.txt.
+# Needs only python3 (3.11+), python3-venv, git and make.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+EXTRAS := onboard,shore,report
+FAST := -m "not slow"
+
+.PHONY: demo test test-slow soak loopback lint check-python clean help
+
+help:
+	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
+	@echo "make test       lint, types, import rules and the fast tests"
+	@echo "make test-slow  whole runs, link faults, statistics"
+	@echo "make soak       hours, by hand; figures go to benchmarks/"
+	@echo "make loopback   fake serial ports -> daemon -> socket -> filter -> log"
+
+check-python:
+	@command -v $(PYTHON) >/dev/null || { echo "python3 is missing; apt-get install python3 python3-venv"; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$$($(PYTHON) --version) is too old, 3.11 is needed; call make PYTHON=python3.11"; exit 2; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "python3-venv is missing; apt-get install python3-venv"; exit 2; }
+
+$(VENV)/run.stamp: pyproject.toml constraints.txt | check-python
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
+	@touch $@
+
+$(VENV)/dev.stamp: $(VENV)/run.stamp
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS),dev]'
+	@touch $@
+
+demo: $(VENV)/run.stamp
+	$(BIN)/wayfix demo --speed 16 --log demo-out --json
+
+lint: $(VENV)/dev.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: lint
+	$(BIN)/pytest $(FAST)
+
+test-slow: $(VENV)/dev.stamp
+	$(BIN)/pytest -m slow
+
+loopback: $(VENV)/dev.stamp
+	$(BIN)/pytest tests/system/test_loopback.py
+
+soak: $(VENV)/dev.stamp
+	$(BIN)/python -m benchmarks.daemon_load --seconds 3600
+
+clean:
+	rm -rf $(VENV) demo-out .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,139 @@
+"""Truth: a boat that tracks waypoints through moving water, on a fine time grid.
+
+The thesis sails in steps of T = 1 s. Here the helm decides every T and the boat moves in steps of 0.05 s between, so
+that any sensor rate can be served. Within a step the ground velocity changes linearly (constant acceleration):
+integrating the mean acceleration of each interval gives back velocity and position exactly.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.angles import difference_rad
+from common.simulation.fields import CurrentField
+
+Array = npt.NDArray[np.float64]
+Place = tuple[float, float]
+"""(east_m, north_m)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What really happened: columns of equal length, local plane; `heading_rad` is continuous (never wraps)."""
+
+    t_s: Array
+    east_m: Array
+    north_m: Array
+    v_east_m_s: Array
+    """Over ground, current included."""
+    v_north_m_s: Array
+    heading_rad: Array
+    """Clockwise from true north."""
+
+    def at(self, t_s: Array) -> "Truth":
+        """Truth at other times, linear between its own (exact for velocity and heading, 20 um for position)."""
+
+        def column(values: Array) -> Array:
+            return np.interp(t_s, self.t_s, values)
+
+        return Truth(
+            t_s,
+            column(self.east_m),
+            column(self.north_m),
+            column(self.v_east_m_s),
+            column(self.v_north_m_s),
+            column(self.heading_rad),
+        )
+
+    def until(self, seconds: float | None) -> "Truth":
+        """The part up to and including `seconds` (`None` = all)."""
+        keep = slice(None) if seconds is None else slice(int(np.searchsorted(self.t_s, seconds, side="right")))
+        return Truth(
+            self.t_s[keep],
+            self.east_m[keep],
+            self.north_m[keep],
+            self.v_east_m_s[keep],
+            self.v_north_m_s[keep],
+            self.heading_rad[keep],
+        )
+
+
+def grid(duration_s: float, rate_hz: float, first: int = 0) -> Array:
+    """Times k / rate_hz from k = first to the last one within `duration_s`."""
+    return np.arange(first, math.floor(duration_s * rate_hz + 1e-6) + 1, dtype=np.float64) / rate_hz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission:
+    """Waypoints and the boat that follows them."""
+
+    start: Place
+    waypoints: tuple[Place, ...]
+    """The last one is the end point: the mission is over within its clearance."""
+    heading_deg: float
+    """At the start."""
+    speed_m_s: float = 1.0
+    """Through water, along the heading."""
+    turn_rate_deg_s: float = 3.0
+    clearance_m: float = 20.0
+    """d of Eq. 4.54. Below the turn radius (19 m at 1 m/s and 3 deg/s) a boat may circle a waypoint for ever."""
+    helm_s: float = 1.0
+    """T of the turn rule: time between two decisions of the helm."""
+    longest_s: float = 3600.0
+    """The mission is cut here if it has not ended."""
+
+
+def turn_direction(heading_rad: float, bearing_rad: float, band_rad: float) -> int:
+    """Turn rule of section 4.3.3: +1 = clockwise, -1 = anticlockwise, 0 = hold.
+
+    Read with a dead band of w T on both sides and a wrapped difference: as printed, a boat on course would always turn
+    clockwise first and chatter by w T.
+    """
+    off_course = difference_rad(heading_rad, bearing_rad)
+    if abs(off_course) <= band_rad:
+        return 0
+    return -1 if off_course > 0.0 else 1
+
+
+def cleared(place: Place, waypoint: Place, clearance_m: float) -> bool:
+    """Waypoint clearance, Eq. 4.54: |p_usv - p_wp| < d."""
+    return math.dist(place, waypoint) < clearance_m
+
+
+def sail(mission: Mission, current: CurrentField, step_s: float = 0.05) -> Truth:
+    """Follow the waypoints; the track starts at t = 0 and its velocity includes the current from the start."""
+    rate_rad_s = math.radians(mission.turn_rate_deg_s)
+    steps = round(mission.helm_s / step_s)
+    heading = math.radians(mission.heading_deg)
+    place = mission.start
+    velocity = _over_ground(mission, current, place, heading)
+    rows = [(*place, *velocity, heading)]
+    ahead = list(mission.waypoints)
+    for _ in range(round(mission.longest_s / mission.helm_s)):
+        while ahead and cleared(place, ahead[0], mission.clearance_m):
+            ahead.pop(0)
+        if not ahead:
+            break
+        bearing = math.atan2(ahead[0][0] - place[0], ahead[0][1] - place[1])
+        turn = turn_direction(heading, bearing, rate_rad_s * mission.helm_s)
+        for _ in range(steps):
+            heading += turn * rate_rad_s * step_s
+            before = velocity
+            velocity = _over_ground(mission, current, _moved(place, before, before, step_s), heading)
+            place = _moved(place, before, velocity, step_s)
+            rows.append((*place, *velocity, heading))
+    columns = np.array(rows, dtype=np.float64).T
+    return Truth(np.round(np.arange(len(rows)) * step_s, 9), *columns)
+
+
+def _moved(place: Place, before: Place, after: Place, step_s: float) -> Place:
+    """Where a constant acceleration from one velocity to the other leads."""
+    return place[0] + 0.5 * step_s * (before[0] + after[0]), place[1] + 0.5 * step_s * (before[1] + after[1])
+
+
+def _over_ground(mission: Mission, current: CurrentField, place: Place, heading: float) -> Place:
+    """Velocity through water along the heading, plus the water's own."""
+    east, north = current(*place)
+    return east + mission.speed_m_s * math.sin(heading), north + mission.speed_m_s * math.cos(heading)

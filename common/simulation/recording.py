@@ -1,0 +1,163 @@
+"""A column recording (CSV) and a mapping file (TOML) -> the same voyage a scenario gives.
+
+The mapping names the columns, their scales, how often each stream is sub-sampled and which noise is added (a declared
+make-believe: many recordings hold a navigation solution instead of a receiver's raw fix). A row with an empty field is
+left out of the streams that need the field, and counted; it never becomes a zero.
+"""
+
+import csv
+import math
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from common.errors import WayfixError
+from common.geodesy import LocalPlane
+from common.settings import read_toml
+from common.simulation.motion import Truth
+from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, Reading, Timed
+from common.simulation.recording_map import RecordingMap, ReferenceColumns, TimeColumn
+from common.simulation.sensors import generators
+from common.simulation.voyage import Voyage
+
+Row = dict[str, float | None]
+
+
+def recording_voyage(file: str | Path, map_file: str | Path, seed: int = 1, seconds: float | None = None) -> Voyage:
+    """Read a recording; raises WayfixError for missing files or columns and for text where a number belongs."""
+    mapping = read_toml(map_file, RecordingMap)
+    skipped: Counter[str] = Counter()
+    rows = _with_time(_rows(Path(file), mapping), mapping.time, seconds, skipped)
+    truth, plane = _truth(rows, mapping.reference, skipped, str(file))
+    readings = sorted(_streams(rows, mapping, plane, seed, skipped), key=lambda timed: timed.t_s)
+    return Voyage(
+        name=Path(file).stem,
+        boat=mapping.boat,
+        plane=plane,
+        truth=truth,
+        readings=tuple(readings),
+        facts=mapping.facts,
+        rates=Rates(gps_hz=mapping.fix.rate_hz, compass_hz=mapping.heading.rate_hz, imu_hz=mapping.imu.rate_hz),
+        skipped=dict(skipped),
+    )
+
+
+def _rows(file: Path, mapping: RecordingMap) -> list[Row]:
+    """The mapped columns of every row; an empty field (or `nan`) is `None`."""
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.DictReader(stream)
+            missing = [name for name in mapping.columns if name not in (reader.fieldnames or ())]
+            if missing:
+                known = ", ".join(reader.fieldnames or ())
+                cure = f"correct the mapping; the file has: {known}"
+                raise WayfixError(f"has no column {', '.join(dict.fromkeys(missing))}", str(file), cure)
+            return [
+                {name: _number(row[name], name, f"{file}: line {reader.line_num}") for name in mapping.columns}
+                for row in reader
+            ]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise WayfixError(f"cannot be read ({error})", str(file), "give a readable CSV file") from error
+
+
+def _number(text: str | None, column: str, where: str) -> float | None:
+    if text is None or not text.strip():
+        return None
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise WayfixError(f"{column}: {text!r} is not a number", where, "correct the file or the mapping") from error
+    return value if math.isfinite(value) else None
+
+
+def _with_time(
+    rows: list[Row], time: TimeColumn, seconds: float | None, skipped: Counter[str]
+) -> list[tuple[float, Row]]:
+    """(seconds since the first row, row); rows without a time or not later than the one before are left out."""
+    timed: list[tuple[float, Row]] = []
+    first: float | None = None
+    for row in rows:
+        stamp = row[time.column]
+        first = stamp if first is None else first
+        t_s = None if stamp is None or first is None else round((stamp - first) * time.scale, 6)
+        if t_s is None or (timed and t_s <= timed[-1][0]):
+            skipped["time"] += 1
+        elif seconds is None or t_s <= seconds:
+            timed.append((t_s, row))
+    return timed
+
+
+def _complete(
+    rows: list[tuple[float, Row]], names: tuple[str, ...], what: str, skipped: Counter[str]
+) -> Iterator[tuple[float, list[float]]]:
+    """The rows that have all of `names`; the others are counted under `what`."""
+    for t_s, row in rows:
+        values = [value for name in names if (value := row[name]) is not None]
+        if len(values) == len(names):
+            yield t_s, values
+        else:
+            skipped[what] += 1
+
+
+def _truth(
+    rows: list[tuple[float, Row]], ref: ReferenceColumns, skipped: Counter[str], file: str
+) -> tuple[Truth, LocalPlane]:
+    names = (ref.lat, ref.lon, ref.heading, ref.v_fwd, ref.v_stb)
+    complete = list(_complete(rows, names, "reference", skipped))
+    if len(complete) < 2:
+        raise WayfixError("has fewer than two rows with a whole reference", file, "look at [reference] of the mapping")
+    plane = LocalPlane(complete[0][1][0], complete[0][1][1])
+    places = np.array([plane.to_east_north_m(values[0], values[1]) for _, values in complete])
+    columns = np.array([values for _, values in complete])
+    heading = np.unwrap(np.radians(columns[:, 2] * ref.heading_scale))
+    sin, cos, v_fwd, v_stb = np.sin(heading), np.cos(heading), columns[:, 3], columns[:, 4]
+    t_s = np.array([t_s for t_s, _ in complete])
+    return (
+        Truth(t_s, places[:, 0], places[:, 1], sin * v_fwd + cos * v_stb, cos * v_fwd - sin * v_stb, heading),
+        plane,
+    )
+
+
+def _streams(
+    rows: list[tuple[float, Row]], mapping: RecordingMap, plane: LocalPlane, seed: int, skipped: Counter[str]
+) -> Iterator[Timed]:
+    draw = generators(seed)
+    step_s = median(b[0] - a[0] for a, b in pairwise(rows))
+    fix, heading, imu = mapping.fix, mapping.heading, mapping.imu
+
+    def as_fix(values: list[float]) -> Reading:
+        east, north = plane.to_east_north_m(*values)
+        noise = draw["gps1"].standard_normal(2) * fix.noise_m
+        return FixReading(*plane.to_lat_lon_deg(east + float(noise[0]), north + float(noise[1])))
+
+    def as_heading(values: list[float]) -> Reading:
+        noise = float(draw["compass1"].standard_normal()) * heading.noise_deg
+        return HeadingReading((values[0] * heading.scale + noise) % 360.0)
+
+    def as_imu(values: list[float]) -> Reading:
+        return ImuReading(values[0] * imu.accel_scale, values[1] * imu.accel_scale, values[2] * imu.yaw_rate_scale)
+
+    for sensor, what, names, rate_hz, convert in (
+        ("gps1", "fix", (fix.lat, fix.lon), fix.rate_hz, as_fix),
+        ("compass1", "heading", (heading.column,), heading.rate_hz, as_heading),
+        ("imu1", "imu", (imu.accel_fwd, imu.accel_stb, imu.yaw_rate), imu.rate_hz, as_imu),
+    ):
+        complete = _complete(rows, names, what, skipped)
+        for t_s, values in _sub_sampled(complete, rate_hz, step_s):
+            yield Timed(t_s, sensor, convert(values))
+
+
+def _sub_sampled(
+    rows: Iterator[tuple[float, list[float]]], rate_hz: float, step_s: float
+) -> Iterator[tuple[float, list[float]]]:
+    """The first row of each period; half a row early still counts, so that uneven stamps lose nothing."""
+    last = -1
+    for t_s, values in rows:
+        period = math.floor((t_s + 0.5 * step_s) * rate_hz + 1e-9)
+        if period > last:
+            last = period
+            yield t_s, values

@@ -1,0 +1,75 @@
+"""The board's configuration file: read, checked as a whole, every fault reported at once."""
+
+import re
+from pathlib import Path
+
+from common.errors import SettingsError, WayfixError
+from common.sensors import ROLES, BoatConfig, PortTable, SensorTable
+from common.settings import read_toml
+from onboard.devices import make_driver
+
+_SENSOR_ID = re.compile(rf"({'|'.join(ROLES)})([1-9]\d?)")
+
+# Bytes one measurement costs on the wire, generous: a GPS epoch with its satellite tables, an ArduIMU line, ...
+_NOMINAL_BYTES = {"gps": 500, "imu": 160, "gyro": 40, "compass": 80, "ais": 4000, "radar": 2000}
+_BUDGET_FACTOR = 4
+_LEAST_BUDGET_BYTES_S = 2000
+
+
+def load(path: str | Path) -> BoatConfig:
+    """Read and check a board configuration; raises SettingsError with all faults."""
+    config = read_toml(path, BoatConfig)
+    faults = list(_faults(config))
+    if faults:
+        raise SettingsError(str(path), faults)
+    return config
+
+
+def byte_budget(port: PortTable, config: BoatConfig) -> int:
+    """Bytes a second that are parsed on this port: as configured, else four times what its sensors nominally send."""
+    if port.byte_budget_per_s is not None:
+        return port.byte_budget_per_s
+    nominal = sum(
+        _NOMINAL_BYTES[sensor.role] * (sensor.rate_hz or ROLES[sensor.role].nominal_rate_hz)
+        for sensor in config.sensor
+        if sensor.port == port.name
+    )
+    return max(_LEAST_BUDGET_BYTES_S, round(_BUDGET_FACTOR * nominal))
+
+
+def _faults(config: BoatConfig) -> list[str]:
+    faults = []
+    if not config.port:
+        faults.append("[[port]]: none given, at least one serial port is needed")
+    if not config.sensor:
+        faults.append("[[sensor]]: none given, at least one sensor is needed")
+    ports = [port.name for port in config.port]
+    paths = [port.path for port in config.port]
+    ids = [sensor.id for sensor in config.sensor]
+    faults += [f"[[port]] {name}: name given twice" for name in _repeated(ports)]
+    faults += [f"[[port]]: path {path} given twice, put its sensors on one port" for path in _repeated(paths)]
+    faults += [f"[[sensor]] {name}: id given twice" for name in _repeated(ids)]
+    for sensor in config.sensor:
+        faults += _sensor_faults(sensor, ports)
+    return faults
+
+
+def _sensor_faults(sensor: SensorTable, ports: list[str]) -> list[str]:
+    faults = []
+    where = f"[[sensor]] {sensor.id}"
+    match = _SENSOR_ID.fullmatch(sensor.id)
+    if match is None:
+        faults.append(f"{where}.id: must be a role and a number, like {sensor.role}1")
+    elif match[1] != sensor.role:
+        faults.append(f"{where}.role: {sensor.role} does not fit the id, which says {match[1]}")
+    if sensor.port not in ports:
+        faults.append(f"{where}.port: no [[port]] is named {sensor.port} (known: {', '.join(ports) or 'none'})")
+    try:
+        make_driver(sensor)
+    except WayfixError as error:
+        faults.append(f"{where}.model: {error.what}")
+    return faults
+
+
+def _repeated(names: list[str]) -> list[str]:
+    return sorted({name for name in names if names.count(name) > 1})

@@ -1,0 +1,129 @@
+"""NMEA receivers (BU-353-S4, u-blox and others): one Fix for each receiver epoch.
+
+Position from GGA, else RMC, else GLL; SOG and COG from RMC, else VTG; mode and dilutions from GSA; date from the
+epoch's own RMC or ZDA. VTG and GSA carry no time and belong to the epoch that is open. One antenna with the talkers GP,
+GL, GA and GN is one sensor.
+"""
+
+from typing import Final
+
+from common.clock import whole_us
+from common.messages import ClockPair, RawLine
+from common.sensors import SensorTable
+from common.units import NS_PER_MS, NS_PER_S
+from onboard.devices import nmea
+from onboard.devices.base import Accepted, Ignored, Line, Measurement, Outcome, Rejected
+from onboard.devices.gps_epoch import QUIET_NS, Epoch, RepeatWatch, fix_of
+from onboard.devices.nmea import Gga, Gll, Gsa, Rmc, Vtg, Zda
+from onboard.devices.sentence import address, check_sentence
+
+FORMATTERS: Final = frozenset({"GGA", "RMC", "VTG", "GSA", "GLL", "ZDA"})
+BURST_FORMATTERS: Final = frozenset({"GSV", "GNS", "GST", "GBS", "GRS", "DTM"})
+"""Sentences of the same burst that are not decoded. They keep the epoch open: at 4800 baud a GSV group puts 0.45 s
+between the GGA and the RMC of one epoch."""
+
+PLAUSIBLE_UTC_NS: Final = (1_704_067_200 * NS_PER_S, 3_471_292_800 * NS_PER_S)
+"""2024-01-01 to 2080-01-01: older is a receiver's default date or a week rollover, and `80` is GPS's year 1980."""
+_CLOCK_MODES: Final = frozenset({"A", "D", "F", "P", "R"})
+
+
+class GpsDriver:
+    """One receiver. Emits Fix, ClockPair (at most one for each epoch) and RawLine."""
+
+    def __init__(self, table: SensorTable) -> None:
+        self.sensor = table.id
+        self._talkers = frozenset(table.talkers)
+        self._latency_ns = round(table.latency_ms * NS_PER_MS)
+        self._open: Epoch | None = None
+        self._closed: Epoch | None = None
+        self._watch = RepeatWatch()
+
+    def claims(self, line: Line) -> bool:
+        """Sentences of a receiver from the talkers configured (none configured = all)."""
+        found = address(line.data)
+        if found is None or (self._talkers and found[0] not in self._talkers):
+            return False
+        return found[1] in FORMATTERS or found[1] in BURST_FORMATTERS
+
+    def feed(self, line: Line) -> Outcome:
+        """Take one sentence in; the Fix of an epoch comes with the first sentence of the next, or from `flush`.
+
+        Reasons: those of `check_sentence` and `nmea.read`.
+        """
+        outcome = self._decode(line)
+        if self._open is not None:
+            # Damaged sentences too are a sign that the burst goes on.
+            self._open.last_ns = max(self._open.last_ns, line.t_ns if line.end_ns is None else line.end_ns)
+        return outcome
+
+    def flush(self, now_ns: int) -> tuple[Measurement, ...]:
+        """The Fix of an epoch whose last byte is 150 ms old at `now_ns` (`LineSplitter.complete_until`)."""
+        if self._open is None or now_ns - self._open.last_ns < QUIET_NS:
+            return ()
+        return self._close()
+
+    def _decode(self, line: Line) -> Outcome:
+        sentence = check_sentence(line.data)
+        if isinstance(sentence, str):
+            return Rejected(sentence, self.sensor)
+        if sentence.formatter in BURST_FORMATTERS:
+            return Ignored(sentence.formatter)
+        reading = nmea.read(sentence)
+        if isinstance(reading, str):
+            return Rejected(reading, self.sensor)
+        if isinstance(reading, nmea.HeadingReading):
+            return Rejected("formatter", self.sensor)
+        raw = RawLine(sensor=self.sensor, t_ns=line.t_ns, text=sentence.text)
+        if isinstance(reading, Vtg | Gsa):
+            self._join_untimed(sentence.formatter, reading, line.t_ns)
+            return Accepted(self.sensor, sentence.formatter, (raw,))
+        epoch, due = self._join_timed(sentence.formatter, reading, line.t_ns)
+        return Accepted(self.sensor, sentence.formatter, (*due, raw, *self._clock_pair(epoch, reading)))
+
+    def _join_untimed(self, formatter: str, reading: Vtg | Gsa, t_ns: int) -> None:
+        """Into the open epoch, unless that has been quiet and only waits for its flush."""
+        if self._open is not None and t_ns - self._open.last_ns < QUIET_NS:
+            self._open.add(formatter, reading)
+
+    def _join_timed(
+        self, formatter: str, reading: Gga | Rmc | Gll | Zda, t_ns: int
+    ) -> tuple[Epoch, tuple[Measurement, ...]]:
+        """The epoch the sentence went into, and what its coming completed."""
+        due: tuple[Measurement, ...] = ()
+        # A closed epoch still takes a late sentence: its Fix is out, and a second one would be fused twice.
+        epoch = self._open or self._closed
+        if epoch is None or not epoch.holds(reading.tod_ms, formatter, t_ns):
+            due = self._close()
+            epoch = self._open = Epoch(t_ns, t_ns, reading.tod_ms)
+        epoch.add(formatter, reading)
+        return epoch, due
+
+    def _close(self) -> tuple[Measurement, ...]:
+        epoch, self._open = self._open, None
+        if epoch is None:
+            return ()
+        self._closed = epoch
+        if not epoch.has_fix:
+            return ()
+        held = self._watch.held(epoch.position, epoch.tod_ms, epoch.speed_and_course[0])
+        return (fix_of(epoch, self.sensor, self._valid_ns(epoch), held=held),)
+
+    def _clock_pair(self, epoch: Epoch, reading: Gga | Rmc | Gll | Zda) -> tuple[ClockPair, ...]:
+        """UTC beside the arrival of the epoch's first byte less the latency, from RMC status A or from ZDA.
+
+        Not the arrival of RMC itself: what stands before it in the burst, GSV groups above all, changes from second to
+        second and would move the pair by up to 0.45 s at 4800 baud.
+        """
+        if epoch.paired or not isinstance(reading, Rmc | Zda) or epoch.status_valid is False:
+            return ()
+        if isinstance(reading, Rmc) and (not reading.status_valid or (reading.mode or "A") not in _CLOCK_MODES):
+            return ()
+        utc_ns = epoch.utc_ns
+        if reading.date is None or utc_ns is None or not PLAUSIBLE_UTC_NS[0] <= utc_ns < PLAUSIBLE_UTC_NS[1]:
+            return ()
+        epoch.paired = True
+        source = "RMC" if isinstance(reading, Rmc) else "ZDA"
+        return (ClockPair(sensor=self.sensor, t_ns=self._valid_ns(epoch), utc_ns=utc_ns, source=source),)
+
+    def _valid_ns(self, epoch: Epoch) -> int:
+        return whole_us(epoch.t_ns - self._latency_ns)

@@ -1,0 +1,186 @@
+"""One receiver epoch: the sentences that share one UTC time, and the Fix they make together."""
+
+from dataclasses import dataclass, field
+from datetime import date
+from typing import Final
+
+from common.messages import Fix
+from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
+from onboard.devices.fields import DAY_MS, Position
+from onboard.devices.nmea import Gga, Gll, Gsa, Rmc, Vtg, Zda
+
+QUIET_NS: Final = 150 * NS_PER_MS
+"""An epoch that nothing has followed for so long is complete."""
+SAME_TIME_NS: Final = 500 * NS_PER_MS
+"""A sentence that comes again under the same UTC after so long: the receiver's time stands still."""
+COURSE_ABOVE_KN: Final = 1.0
+"""Below it receivers freeze or invent the course."""
+HELD_STEPS: Final = 2.0
+HELD_WITHOUT_SPEED_MS: Final = 10_000
+
+_FIRST_DAY: Final = date(1970, 1, 1)
+_QUALITY_OF_MODE: Final = {"E": 6, "M": 7, "S": 8}
+
+EpochReading = Gga | Rmc | Gll | Vtg | Gsa | Zda
+
+
+@dataclass(slots=True)
+class Epoch:
+    """What has come so far. The first sentence of a kind counts: receivers repeat GSA for each constellation."""
+
+    t_ns: int
+    """Arrival of the first byte."""
+    last_ns: int
+    """Arrival of the last byte so far."""
+    tod_ms: int | None
+    seen: set[str] = field(default_factory=set)
+    gga: Gga | None = None
+    rmc: Rmc | None = None
+    gll: Gll | None = None
+    vtg: Vtg | None = None
+    gsa: Gsa | None = None
+    zda: Zda | None = None
+    paired: bool = False
+    """Its ClockPair is out."""
+
+    def holds(self, tod_ms: int | None, formatter: str, t_ns: int) -> bool:
+        """Does a sentence of that time belong here? One without time (cold start) joins what is still going on."""
+        if tod_ms is None or self.tod_ms is None:
+            return formatter not in self.seen and t_ns - self.last_ns < QUIET_NS
+        return tod_ms == self.tod_ms and (formatter not in self.seen or t_ns - self.t_ns < SAME_TIME_NS)
+
+    def add(self, formatter: str, reading: EpochReading) -> None:
+        """Take a sentence in."""
+        if formatter in self.seen:
+            return
+        self.seen.add(formatter)
+        setattr(self, formatter.lower(), reading)
+        if self.tod_ms is None and not isinstance(reading, Vtg | Gsa):
+            self.tod_ms = reading.tod_ms
+
+    @property
+    def has_fix(self) -> bool:
+        """ZDA, VTG and GSA alone make no fix."""
+        return self.gga is not None or self.rmc is not None or self.gll is not None
+
+    @property
+    def status_valid(self) -> bool | None:
+        """RMC status, else GLL status."""
+        if self.rmc is not None and self.rmc.status_valid is not None:
+            return self.rmc.status_valid
+        return None if self.gll is None else self.gll.status_valid
+
+    @property
+    def position(self) -> Position | None:
+        """GGA with a quality above 0, else RMC, else GLL; an invalid epoch's filling of zeros is no position."""
+        if self.gga is not None and self.gga.quality and self.gga.position is not None:
+            return self.gga.position
+        for reading in (self.rmc, self.gll):
+            if reading is None or reading.position is None or reading.status_valid is None or reading.mode == "N":
+                continue
+            filling = reading.position.lat_deg == 0.0 and reading.position.lon_deg == 0.0
+            if reading.status_valid or not (filling or self._quality_none):
+                return reading.position
+        return None
+
+    @property
+    def _quality_none(self) -> bool:
+        return self.gga is not None and self.gga.quality == 0
+
+    @property
+    def fix_quality(self) -> int | None:
+        """GGA's; without GGA what the mode letter of RMC or GLL says of estimated, manual and simulated fixes."""
+        if self.gga is not None:
+            return self.gga.quality
+        mode = next((reading.mode for reading in (self.rmc, self.gll) if reading is not None and reading.mode), "")
+        return _QUALITY_OF_MODE.get(mode)
+
+    @property
+    def speed_and_course(self) -> tuple[float | None, float | None]:
+        """SOG in kn and COG in degrees true from RMC, else VTG; no course below `COURSE_ABOVE_KN`."""
+        for reading in (self.rmc, self.vtg):
+            if reading is None or reading.sog_kn is None or reading.mode == "N":
+                continue
+            moving = reading.sog_kn >= COURSE_ABOVE_KN
+            return reading.sog_kn, reading.cog_true_deg if moving else None
+        return None, None
+
+    @property
+    def utc_ns(self) -> int | None:
+        """UTC with the date of this epoch's own RMC (status A) or ZDA.
+
+        A receiver under status V sends a default date. None in a leap second too, which POSIX time cannot name.
+        """
+        if self.tod_ms is None or self.tod_ms >= DAY_MS:
+            return None
+        day = self.rmc.date if self.rmc is not None and self.rmc.status_valid else None
+        if day is None and self.zda is not None:
+            day = self.zda.date
+        return None if day is None else (day - _FIRST_DAY).days * 86_400 * NS_PER_S + self.tod_ms * NS_PER_MS
+
+
+def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool) -> Fix:
+    """The Fix of a complete epoch, valid at `t_ns`."""
+    gga, gsa, position = epoch.gga, epoch.gsa, epoch.position
+    sog_kn, cog_true_deg = epoch.speed_and_course
+    gsa_hdop = None if gsa is None else gsa.hdop
+    return Fix(
+        sensor=sensor,
+        t_ns=t_ns,
+        lat_deg=None if position is None else position.lat_deg,
+        lon_deg=None if position is None else position.lon_deg,
+        alt_m=gga.alt_m if gga is not None and gga.quality and position is not None else None,
+        fix_quality=epoch.fix_quality,
+        fix_mode=None if gsa is None else gsa.fix_mode,
+        status_valid=epoch.status_valid,
+        satellites=None if gga is None else gga.satellites,
+        hdop=gga.hdop if gsa_hdop is None and gga is not None else gsa_hdop,
+        pdop=None if gsa is None else gsa.pdop,
+        vdop=None if gsa is None else gsa.vdop,
+        sog_kn=sog_kn,
+        cog_true_deg=cog_true_deg,
+        utc_ns=epoch.utc_ns,
+        tod_ms=epoch.tod_ms,
+        held=held,
+    )
+
+
+class RepeatWatch:
+    """Tells a held position from that of a moored boat, which repeats to the digit as well (4 decimals = 0.19 m).
+
+    Held is a position repeated as text
+    (1) under the same UTC: the receiver stands still;
+    (2) while the receiver's own SOG, at least 1 kn, has carried the boat more than two steps of the last digit since
+    the text first came (one and a half are enough to change latitude or longitude on any course; the rest allows for
+    an error of SOG);
+    (3) where no SOG is sent, for 10 s on end, which the noise of a receiver that computes anew does not do.
+    A repeat with SOG below 1 kn is not held.
+    """
+
+    def __init__(self) -> None:
+        self._text: str | None = None
+        self._tod_ms: int | None = None
+        self._travelled_m = 0.0
+        self._stood_ms = 0
+
+    def held(self, position: Position | None, tod_ms: int | None, sog_kn: float | None) -> bool:
+        """Judge the next epoch; epochs without position change nothing."""
+        if position is None:
+            return False
+        before_ms, self._tod_ms = self._tod_ms, tod_ms
+        if position.text != self._text:
+            self._text, self._travelled_m, self._stood_ms = position.text, 0.0, 0
+            return False
+        if tod_ms is None or before_ms is None:
+            return False
+        step_ms = (tod_ms - before_ms) % DAY_MS
+        self._stood_ms += step_ms
+        if step_ms == 0:
+            return True
+        if sog_kn is None:
+            return self._stood_ms >= HELD_WITHOUT_SPEED_MS
+        if sog_kn < COURSE_ABOVE_KN:
+            self._travelled_m = 0.0
+            return False
+        self._travelled_m += sog_kn * M_S_PER_KN * step_ms / 1000.0
+        return self._travelled_m > HELD_STEPS * position.step_m

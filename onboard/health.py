@@ -1,0 +1,109 @@
+"""Health of each sensor from its line counts and the state of its port: delivering, silent or missing.
+
+Pure: told of every outcome and of every port change, asked at each tick.
+"""
+
+from collections import deque
+from typing import Final
+
+from common.events import event
+from common.messages import Event, SensorHealth
+from common.sensors import ROLES, SensorTable, stale_after_s
+from common.units import NS_PER_S
+
+REPORT_NS: Final = NS_PER_S
+RATE_WINDOW_NS: Final = 5 * NS_PER_S
+
+
+class SensorMonitor:
+    """One sensor. Event sensors (AIS, radar) are delivering as long as their port is open."""
+
+    def __init__(self, table: SensorTable, started_ns: int) -> None:
+        self.table = table
+        self.rejected: dict[str, int] = {}
+        self.accepted = 0
+        self.flooded = False
+        self.discarded_bytes = 0
+        self._periodic = ROLES[table.role].periodic
+        self._stale_ns = int(min(stale_after_s(table.role, table.rate_hz), 1e9) * NS_PER_S)
+        self._last_good_ns: int | None = None
+        self._since_ns = started_ns
+        """From when silence is counted: start or the port's last opening."""
+        self._recent: deque[int] = deque(maxlen=4096)
+        self._port_reason: str | None = "not opened yet"
+        self._state: str | None = None
+        self._reported_ns = 0
+
+    def accept(self, t_ns: int, measurements: int) -> None:
+        """A good line at `t_ns` that gave this many measurements."""
+        self.accepted += 1
+        self._last_good_ns = t_ns
+        if measurements:
+            self._recent.append(t_ns)
+
+    def measured(self, t_ns: int) -> None:
+        """A measurement that became due without a line of its own (end of a GPS epoch)."""
+        self._recent.append(t_ns)
+
+    def reject(self, reason: str) -> None:
+        """A bad line of this sensor."""
+        self.rejected[reason] = self.rejected.get(reason, 0) + 1
+
+    def port_changed(self, reason: str | None, t_ns: int) -> None:
+        """The port opened (None) or was lost."""
+        self._port_reason = reason
+        self._since_ns = t_ns
+
+    def state(self, now_ns: int) -> tuple[str, str | None]:
+        """(delivering | silent | missing, reason)."""
+        if self._port_reason is not None:
+            return "missing", self._port_reason
+        if not self._periodic:
+            return "delivering", None
+        if self._last_good_ns is not None and now_ns - self._last_good_ns <= self._stale_ns:
+            return "delivering", None
+        if self._last_good_ns is None:
+            bad = sum(self.rejected.values())
+            return "silent", f"nothing readable yet, {bad} bad lines" if bad else "nothing received yet"
+        return "silent", f"nothing for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
+
+    def overdue(self, now_ns: int) -> bool:
+        """Has the open port been silent so long that it should be reopened?"""
+        last = max(self._since_ns, self._last_good_ns or 0)
+        return self._periodic and self._port_reason is None and now_ns - last > self._stale_ns
+
+    def report(self, now_ns: int) -> tuple[SensorHealth | None, Event | None]:
+        """Health when due (once a second, and on every change of state), and the event of a change."""
+        state, reason = self.state(now_ns)
+        changed = state != self._state
+        if not changed and now_ns - self._reported_ns < REPORT_NS:
+            return None, None
+        happened = self._change_event(state, now_ns) if changed else None
+        self._state, self._reported_ns = state, now_ns
+        return self._health(state, reason, now_ns), happened
+
+    def _change_event(self, state: str, now_ns: int) -> Event | None:
+        sensor = self.table.id
+        if state == "delivering" and self._periodic:
+            return event("sensor-delivering", now_ns, sensor, sensor=sensor)
+        # Silence right after the start or after a reopen is waiting, not an event; a lost port has its own event.
+        if state == "silent" and self._state == "delivering":
+            age_s = round((now_ns - (self._last_good_ns or now_ns)) / NS_PER_S)
+            return event("sensor-silent", now_ns, sensor, sensor=sensor, age_s=age_s)
+        return None
+
+    def _health(self, state: str, reason: str | None, now_ns: int) -> SensorHealth:
+        while self._recent and self._recent[0] < now_ns - RATE_WINDOW_NS:
+            self._recent.popleft()
+        return SensorHealth(
+            sensor=self.table.id,
+            t_ns=now_ns,
+            state=state,
+            reason=reason,
+            last_good_t_ns=self._last_good_ns,
+            rate_hz=len(self._recent) / (RATE_WINDOW_NS / NS_PER_S),
+            flooded=self.flooded,
+            accepted=self.accepted,
+            rejected=dict(self.rejected),
+            discarded_bytes=self.discarded_bytes,
+        )

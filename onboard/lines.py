@@ -1,0 +1,106 @@
+"""Bytes of one port in, lines out.
+
+A line ends at LF or CR; CR LF counts once because empty lines are silent (some compasses send CR alone).
+Its time is that of the chunk that held its first byte. No more than `LONGEST_LINE` bytes are ever held: what is longer
+is discarded up to the next line end.
+
+Two sentences run together by a lost line end come out as one line: only a decoder knows that `$` or `!` may not stand
+in the middle, and it rejects them (`onboard.devices.sentence`).
+"""
+
+import re
+from typing import Final
+
+from common.units import NS_PER_MS
+from onboard.devices.base import Line
+
+LONGEST_LINE: Final = 512
+"""Bytes: six times the NMEA limit, so that the long lines of radars and IMUs pass."""
+SLOWEST_LINE_NS: Final = 1_100 * NS_PER_MS
+"""What `LONGEST_LINE` takes at 4800 baud: a partial line older than this is no line in progress."""
+
+_LINE_END = re.compile(rb"[\r\n]")
+_LINE_START: Final = b"$!"
+
+
+class LineSplitter:
+    """Cuts the bytes of one port into lines. Counters run since creation and may be read at any time.
+
+    Every byte fed is in a line, is a line end, is in `discarded_bytes`, or is in `pending_bytes`.
+    """
+
+    def __init__(self) -> None:
+        self.lines = 0
+        """Lines given out."""
+        self.overflows = 0
+        """Lines thrown away for their length."""
+        self.discarded_bytes = 0
+        """Bytes of lines too long or cut, line ends not counted."""
+        self._pending = bytearray()
+        self._t_ns = 0
+        self._resync = False
+        self._fresh = False
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes of the line in progress."""
+        return len(self._pending)
+
+    def feed(self, data: bytes, t_ns: int) -> list[Line]:
+        """The lines that `data`, stamped `t_ns`, completes, oldest first."""
+        if self._fresh and data:
+            self._fresh = False
+            self._resync = data[0] not in _LINE_START
+        lines: list[Line] = []
+        *whole, rest = _LINE_END.split(data)
+        for piece in whole:
+            self._add(piece, t_ns)
+            self._end(t_ns, lines)
+        self._add(rest, t_ns)
+        return lines
+
+    def note_cut(self) -> None:
+        """Bytes were lost here (byte budget): discard the line in progress and on to the next line end."""
+        self._discard_pending()
+        self._resync = True
+
+    def reset(self) -> None:
+        """The port was opened anew: as `note_cut`, unless the first byte to come is the start of a sentence."""
+        self.note_cut()
+        self._fresh = True
+
+    def complete_until(self, now_ns: int) -> int:
+        """The time up to which all lines are known: `now_ns`, or the start of the line in progress.
+
+        Timeouts between lines (`Driver.flush`) are judged at this time, so that a slow baud rate is no silence.
+        """
+        if not self._pending:
+            return now_ns
+        return min(now_ns, max(self._t_ns, now_ns - SLOWEST_LINE_NS))
+
+    def _add(self, piece: bytes, t_ns: int) -> None:
+        if self._resync:
+            self.discarded_bytes += len(piece)
+            return
+        if not piece:
+            return
+        if len(self._pending) + len(piece) > LONGEST_LINE:
+            self._discard_pending()
+            self.discarded_bytes += len(piece)
+            self.overflows += 1
+            self._resync = True
+            return
+        if not self._pending:
+            self._t_ns = t_ns
+        self._pending += piece
+
+    def _end(self, t_ns: int, lines: list[Line]) -> None:
+        self._resync = False
+        if self._pending:
+            lines.append(Line(self._t_ns, bytes(self._pending), t_ns))
+            self._pending.clear()
+            self.lines += 1
+
+    def _discard_pending(self) -> None:
+        self.discarded_bytes += len(self._pending)
+        self._pending.clear()

@@ -1,0 +1,162 @@
+"""`wayfix-onboard`: run the daemon, check a configuration, play a virtual boat."""
+
+import argparse
+import asyncio
+import json
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from common.clock import BoatClock
+from common.errors import WayfixError
+from common.sensors import BoatConfig
+
+_PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
+
+
+class _JournalFormatter(logging.Formatter):
+    """`<N>` prefixes, which systemd strips and takes for the priority."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return f"<{_PRIORITY.get(record.levelno, 6)}>{super().format(record)}"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code (0 done, 1 the answer is no, 2 wrong input or environment)."""
+    arguments = _parser().parse_args(argv)
+    _set_up_logging(arguments.verbose)
+    try:
+        return int(arguments.command(arguments))
+    except WayfixError as error:
+        print(f"wayfix-onboard: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="wayfix-onboard", description="Wayfix on the boat.")
+    parser.add_argument("-v", "--verbose", action="store_true", help="log details too")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="poll the sensors and stream frames", description=_run.__doc__)
+    run.add_argument("config", help="the board's configuration (deploy/examples/boat.toml explains every key)")
+    run.add_argument("--bind", help="listen here instead of [link] bind, like tcp://127.0.0.1:5760")
+    run.add_argument("--state", type=Path, help="directory of the start counter (default: $STATE_DIRECTORY)")
+    run.add_argument("--clock-rate", type=_positive, default=1.0, metavar="X", help="run X times as fast (ptys only)")
+    run.add_argument("--clock-start", type=int, metavar="NS", help="boot time at which the fast clock starts")
+    run.add_argument("--until-stdin-closes", action="store_true", help="stop when the parent process is gone")
+    run.set_defaults(command=_run)
+
+    check = commands.add_parser("check", help="check a configuration and its ports", description=_check.__doc__)
+    check.add_argument("config")
+    check.set_defaults(command=_check)
+
+    virtual = commands.add_parser("virtual", help="a virtual boat on pseudo-terminals", description=_virtual.__doc__)
+    from onboard.virtual.command import add_arguments
+
+    add_arguments(virtual)
+    virtual.set_defaults(command=_virtual)
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    """Poll all configured sensors and stream timestamped frames until SIGTERM or Ctrl-C. Prints one JSON line when ready."""
+    from onboard.config import load
+    from onboard.daemon import Daemon
+
+    config = load(arguments.config)
+    if arguments.clock_rate != 1.0:
+        _refuse_fast_clock(config)
+    clock = BoatClock(arguments.clock_rate, arguments.clock_start)
+
+    async def run() -> None:
+        daemon = Daemon(config, clock, _state_dir(arguments.state))
+        if arguments.until_stdin_closes:
+            _watch_stdin(lambda: daemon.stop("the parent process is gone"))
+        await daemon.run(arguments.bind or config.link.bind, lambda ready: _say(ready=ready))
+
+    asyncio.run(run())
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    """Check a configuration file and try every port; exit code 2 when something is wrong."""
+    from onboard.config import load
+    from onboard.ports import OPEN_ERRORS, open_serial, reason_of
+
+    config = load(arguments.config)
+    print(f"{arguments.config}: boat {config.boat.id}, {len(config.port)} ports, {len(config.sensor)} sensors")
+    faults = []
+    for port in config.port:
+        sensors = ", ".join(sensor.id for sensor in config.sensor if sensor.port == port.name) or "no sensor"
+        try:
+            open_serial(port).close()
+            state = "opens"
+        except OPEN_ERRORS as error:
+            state = reason_of(error)
+            faults.append(f"{port.name} ({port.path}): {state}")
+        print(f"  {port.name:12} {port.path:32} {port.baud:>7} baud  {sensors}: {state}")
+    if faults:
+        cure = "check the path, the plug and who else uses the port"
+        raise WayfixError("; ".join(faults), str(arguments.config), cure)
+    return 0
+
+
+def _virtual(arguments: argparse.Namespace) -> int:
+    """Play a scenario or a recording on pseudo-terminals that behave like the real devices."""
+    from onboard.virtual.command import run
+
+    return run(arguments)
+
+
+def _refuse_fast_clock(config: BoatConfig) -> None:
+    for port in config.port:
+        if not os.path.realpath(port.path).startswith("/dev/pts/"):
+            cure = "leave --clock-rate out; it is for virtual boats"
+            raise WayfixError(f"--clock-rate needs pseudo-terminals only, {port.name} is none", port.path, cure)
+
+
+def _state_dir(given: Path | None) -> Path | None:
+    if given is not None:
+        return given
+    from_systemd = os.environ.get("STATE_DIRECTORY")
+    return Path(from_systemd.split(":")[0]) if from_systemd else None
+
+
+def _watch_stdin(stop: Callable[[], None]) -> None:
+    """Call `stop` in the loop once standard input ends: the parent holds its other end."""
+    loop = asyncio.get_running_loop()
+
+    def wait() -> None:
+        while os.read(0, 4096):
+            pass
+        with suppress(RuntimeError):  # the loop is closed already
+            loop.call_soon_threadsafe(stop)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def _say(**line: Any) -> None:
+    with suppress(BrokenPipeError):
+        print(json.dumps(line), flush=True)
+
+
+def _set_up_logging(verbose: bool) -> None:
+    handler = logging.StreamHandler()
+    pattern = "wayfix-onboard: %(message)s"
+    in_journal = "JOURNAL_STREAM" in os.environ
+    handler.setFormatter(_JournalFormatter("%(message)s") if in_journal else logging.Formatter(pattern))
+    logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value <= 1000.0:
+        raise argparse.ArgumentTypeError(f"must be above 0 and at most 1000, got {text}")
+    return value

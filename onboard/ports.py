@@ -1,0 +1,166 @@
+"""Serial ports: the only importer of pyserial. Opens, reads, stamps once per chunk, reopens with back-off.
+
+    opening --ok--> open --EOF or error--> lost --0.25 s, doubling to 2 s--> opening
+
+A vanished adapter stays readable for ever, so its reader is removed before anything else is done.
+Opening runs in a thread with a deadline: a driver may block in it.
+"""
+
+import asyncio
+import contextlib
+import errno
+import logging
+import os
+import termios
+from collections.abc import Callable
+from typing import Any, Final
+
+import serial
+
+from common.clock import BoatClock
+from common.sensors import PortTable
+
+log = logging.getLogger(__name__)
+
+READ_BYTES: Final = 4096
+OPEN_DEADLINE_S: Final = 5.0
+FIRST_BACK_OFF_S: Final = 0.25
+LAST_BACK_OFF_S: Final = 2.0
+
+_REASONS: Final = {
+    errno.ENOENT: "no such device",
+    errno.EACCES: "permission denied; add the user to the group dialout",
+    errno.EPERM: "permission denied; add the user to the group dialout",
+    errno.EBUSY: "busy; another program holds it",
+    errno.EAGAIN: "busy; another program holds it",
+    errno.EIO: "the device is gone",
+    errno.ENXIO: "the device is gone",
+    errno.ENOTTY: "not a serial port",
+    errno.EINVAL: "not a serial port",
+}
+
+
+def reason_of(error: BaseException) -> str:
+    """Words for a failed open or read."""
+    number = getattr(error, "errno", None)
+    if number is None and error.args and isinstance(error.args[0], int):
+        number = error.args[0]  # termios.error is no OSError and keeps its number in args
+    if number in _REASONS:
+        return _REASONS[number]
+    return os.strerror(number) if number else str(error)
+
+
+def open_serial(table: PortTable) -> Any:
+    """Open a port raw, non-blocking, exclusive, old bytes thrown away; raises OSError, ValueError or termios.error."""
+    device = serial.Serial(table.path, table.baud, timeout=0, exclusive=True)
+    device.reset_input_buffer()
+    return device
+
+
+OPEN_ERRORS: Final = (OSError, ValueError, termios.error)  # SerialException is an OSError
+
+
+class Port:
+    """One serial port for as long as the daemon lives; `reason` is None while it is open."""
+
+    def __init__(
+        self,
+        table: PortTable,
+        clock: BoatClock,
+        on_chunk: Callable[[bytes, int], None],
+        on_change: Callable[[str | None], None],
+    ) -> None:
+        """on_chunk(bytes, t_ns) for each read; on_change(reason) when the port opens (None) or is lost."""
+        self.table = table
+        self.reason: str | None = "not opened yet"
+        self._clock = clock
+        self._on_chunk = on_chunk
+        self._on_change = on_change
+        self._device: Any = None
+        self._lost = asyncio.Event()
+        self.tried = asyncio.Event()
+        """Set once the first attempt to open has ended, either way."""
+
+    async def run(self) -> None:
+        """Keep the port open until cancelled."""
+        back_off_s = FIRST_BACK_OFF_S
+        try:
+            while True:
+                opened = await self._open()
+                self.tried.set()
+                if opened:
+                    opened_ns = self._clock.now_ns()
+                    await self._lost.wait()
+                    await asyncio.to_thread(self._close)
+                    if self._clock.now_ns() - opened_ns > LAST_BACK_OFF_S * 1e9:
+                        back_off_s = FIRST_BACK_OFF_S
+                await asyncio.sleep(back_off_s / self._clock.rate)
+                back_off_s = min(2 * back_off_s, LAST_BACK_OFF_S)
+        finally:
+            self._stop_reading()
+            self._close()
+
+    def reopen(self) -> None:
+        """Close and open a silent port again. No change is told: only a failure to open it would be one."""
+        if self._device is not None:
+            self._stop_reading()
+            self._lost.set()
+
+    async def _open(self) -> bool:
+        opening = asyncio.ensure_future(asyncio.to_thread(open_serial, self.table))
+        try:
+            self._device = await asyncio.wait_for(asyncio.shield(opening), OPEN_DEADLINE_S)
+        except TimeoutError:
+            opening.add_done_callback(_close_late)
+            self._set_reason(f"opening takes longer than {OPEN_DEADLINE_S:g} s")
+            return False
+        except asyncio.CancelledError:
+            opening.add_done_callback(_close_late)
+            raise
+        except OPEN_ERRORS as error:
+            self._set_reason(reason_of(error))
+            return False
+        self._lost.clear()
+        asyncio.get_running_loop().add_reader(self._device.fileno(), self._readable)
+        self._set_reason(None)
+        return True
+
+    def _readable(self) -> None:
+        try:
+            data = os.read(self._device.fileno(), READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._fail(reason_of(error))
+            return
+        if not data:
+            self._fail("the device is gone")
+            return
+        self._on_chunk(data, self._clock.now_ns())
+
+    def _fail(self, reason: str) -> None:
+        self._stop_reading()
+        self._set_reason(reason)
+        self._lost.set()
+
+    def _stop_reading(self) -> None:
+        if self._device is not None and self._device.is_open:
+            asyncio.get_running_loop().remove_reader(self._device.fileno())
+
+    def _close(self) -> None:
+        device, self._device = self._device, None
+        if device is not None:
+            with contextlib.suppress(*OPEN_ERRORS):
+                device.close()
+
+    def _set_reason(self, reason: str | None) -> None:
+        if reason != self.reason:
+            self.reason = reason
+            self._on_change(reason)
+
+
+def _close_late(opening: "asyncio.Future[Any]") -> None:
+    """A device that opened after its deadline, or after the daemon's end, is closed again and not leaked."""
+    if not opening.cancelled() and opening.exception() is None:
+        with contextlib.suppress(*OPEN_ERRORS):
+            opening.result().close()

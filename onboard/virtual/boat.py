@@ -1,0 +1,130 @@
+"""The virtual boat: ports that speak at their baud rate on the boat clock. Its owner calls `advance` in a loop."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from common.clock import BoatClock
+from common.simulation.readings import Timed
+from common.units import NS_PER_MS, NS_PER_S
+from onboard.virtual.encoders import BoatEncoders
+from onboard.virtual.pacing import Chunk, SerialLine, paced, portion_bytes
+from onboard.virtual.terminal import Terminal
+
+Note = Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class PortPlan:
+    """One port of the virtual boat: its name, its sensor and its speed."""
+
+    name: str
+    sensor: str
+    baud: int
+    latency_ms: int = 0
+    """A measurement's first byte reaches the board so much later than it was valid."""
+
+
+PORTS: Final = (
+    PortPlan("gps", "gps1", 4800, latency_ms=300),
+    PortPlan("compass", "compass1", 4800),
+    PortPlan("imu", "imu1", 38400),
+)
+PORT_NAMES: Final = tuple(plan.name for plan in PORTS)
+
+
+class VirtualPort:
+    """One terminal and the chunks that are still to come out of it."""
+
+    def __init__(self, terminal: Terminal, chunks: Iterator[Chunk], note: Note) -> None:
+        self.terminal = terminal
+        self.silent = False
+        self.dropped = 0
+        """Bytes lost because nobody read; those of an unplugged or silent device were never sent."""
+        self._chunks = chunks
+        self._note = note
+        self._next = next(chunks, None)
+        self._whole = True
+
+    @property
+    def due_ns(self) -> int | None:
+        """When the next chunk is due; `None` = all is out."""
+        return None if self._next is None else self._next.due_ns
+
+    def pump(self, now_ns: int) -> None:
+        """Write what is due. A line is noted as sent when every byte of it went in."""
+        while self._next is not None and self._next.due_ns <= now_ns:
+            chunk = self._next
+            self._whole = self._write(chunk.data) and self._whole
+            if chunk.ends is not None:
+                if self._whole:
+                    self._note(chunk.ends.record)
+                self._whole = True
+            self._next = next(self._chunks, None)
+
+    def _write(self, data: bytes) -> bool:
+        if self.silent or not self.terminal.plugged:
+            return False
+        lost = len(data) - self.terminal.write(data)
+        self.dropped += lost
+        return lost == 0
+
+
+class VirtualBoat:
+    """All ports of one boat. `ports` may be unplugged, replugged and silenced at any time."""
+
+    def __init__(self, directory: Path, clock: BoatClock, names: tuple[str, ...] = PORT_NAMES) -> None:
+        """Open the terminals under `directory`; nothing is sent before `start`."""
+        self.clock = clock
+        self.terminals = {name: Terminal(directory / name) for name in names}
+        self.ports: dict[str, VirtualPort] = {}
+
+    def start(self, lines: Mapping[str, Iterator[SerialLine]], bauds: Mapping[str, int], note: Note) -> None:
+        """Begin to play: for each port its lines in time order; `note` is called with the record of each line sent."""
+        for name, port_lines in lines.items():
+            chunks = paced(port_lines, bauds[name], portion_bytes(bauds[name], self.clock.rate))
+            self.ports[name] = VirtualPort(self.terminals[name], chunks, note)
+
+    def advance(self) -> float | None:
+        """Write everything due; real seconds until more is due, `None` when the last byte is out. Never blocks."""
+        now_ns = self.clock.now_ns()
+        for port in self.ports.values():
+            port.pump(now_ns)
+        dues = [due for port in self.ports.values() if (due := port.due_ns) is not None]
+        return self.clock.seconds_until(min(dues)) if dues else None
+
+    def unplug(self, port: str) -> None:
+        """Pull the port's adapter; its device goes on measuring, unheard."""
+        self.terminals[port].unplug()
+
+    def replug(self, port: str) -> None:
+        """Put the adapter back under the same name; a line then under way comes in truncated, as on a boat."""
+        self.terminals[port].plug()
+
+    def silence(self, port: str, silent: bool = True) -> None:
+        """The port stays open, the device says nothing (or speaks again)."""
+        self.ports[port].silent = silent
+
+    @property
+    def dropped_bytes(self) -> int:
+        """Bytes lost because nobody read them."""
+        return sum(port.dropped for port in self.ports.values())
+
+    def close(self) -> None:
+        """Unplug everything and remove the names."""
+        for terminal in self.terminals.values():
+            terminal.close()
+
+
+def lines_of(
+    plan: PortPlan, readings: tuple[Timed, ...], start_ns: int, encoders: BoatEncoders
+) -> Iterator[SerialLine]:
+    """The lines of one port, encoded as they come up; t = 0 of the readings is boat time `start_ns`."""
+    for timed in readings:
+        if timed.sensor != plan.sensor:
+            continue
+        t_ns = start_ns + round(timed.t_s * 1e6) * (NS_PER_S // 1_000_000)
+        encoded = encoders.encode(timed.t_s, timed.reading)
+        record = {"sensor": timed.sensor, "t_ns": t_ns, "kind": encoded.kind, **encoded.values}
+        yield SerialLine(t_ns + plan.latency_ms * NS_PER_MS, encoded.data, record)

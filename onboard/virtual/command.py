@@ -1,0 +1,186 @@
+"""`wayfix-onboard virtual`: play a scenario or a recording through pseudo-terminals that a daemon can open."""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from common.clock import BoatClock
+from common.errors import WayfixError
+from common.units import NS_PER_MS, NS_PER_S
+from onboard.virtual.boat import PORTS, VirtualBoat, lines_of
+from onboard.virtual.console import Console
+from onboard.virtual.encoders import ArduImuEncoder, BoatEncoders, CompassEncoder, GpsEncoder
+
+if TYPE_CHECKING:
+    from common.simulation.voyage import Voyage
+
+LEAD_NS = NS_PER_S // 2
+"""Boat time from the start signal to t = 0, so that everybody can be ready for the first byte."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--scenario", metavar="NAME", help="scenario of the thesis (default 5.3)")
+    source.add_argument("--recording", metavar="CSV", type=Path, help="play a column recording; needs --map")
+    source.add_argument("--list", action="store_true", help="list the scenarios and stop")
+    parser.add_argument("--map", metavar="TOML", type=Path, help="which column of the recording is what")
+    parser.add_argument("--seed", type=int, default=1, help="of all simulated noise (default 1)")
+    parser.add_argument("--seconds", type=float, help="play only the beginning")
+    parser.add_argument(
+        "--dir", type=Path, help="where ports, boat.toml, truth.csv, sent.jsonl go (default: a new one)"
+    )
+    parser.add_argument("--bind", default="tcp://127.0.0.1:5760", help="[link] bind of the written boat.toml")
+    parser.add_argument("--clock-rate", type=float, default=1.0, help="boat seconds in a real second")
+    parser.add_argument("--clock-start", type=int, metavar="NS", help="boot time at which boat and real clock agree")
+    parser.add_argument("--hold", action="store_true", help="when ready, wait for a line on stdin")
+    parser.add_argument("--until-stdin-closes", action="store_true", help="stop when stdin ends")
+    parser.add_argument("--exit-at-end", action="store_true", help="do not keep the ports open after the last byte")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play to the end, or until told to stop; 0 = done. Raises WayfixError for wrong input."""
+    try:
+        import numpy  # noqa: F401, ICN001 - only to say in one sentence that it is missing
+    except ModuleNotFoundError as error:
+        raise WayfixError("numpy is missing", "wayfix-onboard virtual", "pip install 'wayfix[shore]'") from error
+    if args.list:
+        return _list()
+    voyage = _voyage(args)
+    if args.clock_rate <= 0:
+        raise WayfixError(f"must be > 0, got {args.clock_rate:g}", "--clock-rate")
+    clock = BoatClock(args.clock_rate, args.clock_start)
+    directory = _directory(args.dir)
+    boat = VirtualBoat(directory, clock)
+    try:
+        with Console(watch_stdin=args.hold or args.until_stdin_closes) as console:
+            _play(args, voyage, boat, directory, console)
+    finally:
+        boat.close()
+    return 0
+
+
+def _list() -> int:
+    from common.simulation.scenarios import SCENARIOS
+
+    for name, scenario in SCENARIOS.items():
+        sys.stdout.write(f"{name}  {scenario.text}\n")
+    return 0
+
+
+def _voyage(args: argparse.Namespace) -> "Voyage":
+    """The readings and truth that the options ask for."""
+    from common.simulation.recording import recording_voyage
+    from common.simulation.scenarios import scenario_voyage
+
+    if args.seconds is not None and not args.seconds > 0:
+        raise WayfixError(f"must be > 0, got {args.seconds:g}", "--seconds")
+    if args.recording is None:
+        if args.map is not None:
+            raise WayfixError("belongs to a recording", "--map", "add --recording CSV")
+        return scenario_voyage(args.scenario or "5.3", args.seed, args.seconds)
+    if args.map is None:
+        raise WayfixError("a recording needs to be told what its columns are", "--recording", "add --map MAP.toml")
+    voyage = recording_voyage(args.recording, args.map, args.seed, args.seconds)
+    if voyage.skipped:
+        what = ", ".join(f"{name} {count}" for name, count in voyage.skipped.items())
+        sys.stderr.write(f"rows left out because of empty fields: {what}\n")
+    return voyage
+
+
+def _directory(wanted: Path | None) -> Path:
+    if wanted is None:
+        return Path(tempfile.mkdtemp(prefix="wayfix-virtual-"))
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WayfixError(f"cannot be made ({error.strerror})", str(wanted), "give another --dir") from error
+    return wanted.resolve()
+
+
+def _play(args: argparse.Namespace, voyage: "Voyage", boat: VirtualBoat, directory: Path, console: Console) -> None:
+    """Ready, start, send, done, and stay until told to go."""
+    from onboard.virtual.files import SentFile, TruthFile, boat_config, config_text
+
+    ports = {plan.name: str(directory / plan.name) for plan in PORTS}
+    config_file, truth_file, sent_file = (directory / name for name in ("boat.toml", "truth.csv", "sent.jsonl"))
+    config_file.write_text(config_text(voyage, boat_config(voyage, ports, args.bind)), encoding="utf-8")
+    truth = TruthFile(voyage)
+    sent = SentFile(sent_file, (plan.sensor for plan in PORTS))
+    files = {"config": str(config_file), "truth": str(truth_file), "sent": str(sent_file)}
+    _say({"ready": {**files, "ports": ports, "seconds": voyage.seconds, "skipped": voyage.skipped}})
+    try:
+        if args.hold and not _held(console, args):
+            return
+        start_ns = _start(boat, voyage, sent.note)
+        truth.write(truth_file, start_ns)
+        _say({"started": {"t_ns": start_ns}})
+        if not _send(boat, console, args):
+            return
+        _say({"done": {"sent": sent.counts, "dropped_bytes": boat.dropped_bytes}})
+        while not args.exit_at_end and not _told_to_go(console, args):
+            _obey(boat, console.wait(None))
+    finally:
+        sent.close()
+
+
+def _held(console: Console, args: argparse.Namespace) -> bool:
+    """Wait for the start signal; False = stop instead."""
+    while not console.wait(None):
+        if _told_to_go(console, args):
+            return False
+        if console.stdin_ended:
+            sys.stderr.write("stdin ended before the start signal; the virtual boat stops\n")
+            return False
+    return True
+
+
+def _start(boat: VirtualBoat, voyage: "Voyage", note: Any) -> int:
+    """Fix t = 0 half a boat second from now, on a whole millisecond, and load the ports; returns t = 0."""
+    start_ns = -(-(boat.clock.now_ns() + LEAD_NS) // NS_PER_MS) * NS_PER_MS
+    # Receivers solve on whole seconds of UTC, so t = 0 is called a whole second: wrong by half a second at most.
+    utc_ns = round((time.time_ns() + LEAD_NS / boat.clock.rate) / NS_PER_S) * NS_PER_S
+    encoders = BoatEncoders(GpsEncoder(utc_ns), CompassEncoder(voyage.boat.variation_deg or 0.0), ArduImuEncoder())
+    lines = {plan.name: lines_of(plan, voyage.readings, start_ns, encoders) for plan in PORTS}
+    boat.start(lines, {plan.name: plan.baud for plan in PORTS}, note)
+    return start_ns
+
+
+def _send(boat: VirtualBoat, console: Console, args: argparse.Namespace) -> bool:
+    """Until the last byte is out; False = told to stop before."""
+    while (pause_s := boat.advance()) is not None:
+        _obey(boat, console.wait(pause_s))
+        if _told_to_go(console, args):
+            return False
+    return True
+
+
+def _told_to_go(console: Console, args: argparse.Namespace) -> bool:
+    if console.stdin_ended and args.until_stdin_closes and not console.stopping:
+        sys.stderr.write("the parent is gone; the virtual boat stops\n")
+        return True
+    return console.stopping
+
+
+def _obey(boat: VirtualBoat, lines: list[str]) -> None:
+    """Faults on request, one a line: `unplug PORT`, `replug PORT`, `silence PORT`, `speak PORT`."""
+    for line in lines:
+        verb, _, port = line.partition(" ")
+        if port not in boat.ports or verb not in ("unplug", "replug", "silence", "speak"):
+            sys.stderr.write(f"not understood: {line!r}; say unplug, replug, silence or speak and a port\n")
+        elif verb == "unplug":
+            boat.unplug(port)
+        elif verb == "replug":
+            boat.replug(port)
+        else:
+            boat.silence(port, verb == "silence")
+
+
+def _say(line: dict[str, Any]) -> None:
+    """One JSON object on stdout, at once: a parent process waits for it."""
+    sys.stdout.write(json.dumps(line) + "\n")
+    sys.stdout.flush()

@@ -1,0 +1,116 @@
+"""What the virtual boat leaves beside its ports: the daemon's configuration, the truth, and what was sent."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.angles import wrap_deg
+from common.sensors import BoatConfig, FramesTable, LinkTable, PortTable, SensorTable
+from common.settings import as_dict
+from common.simulation.motion import grid
+from common.simulation.voyage import Voyage
+from onboard.virtual.boat import PORTS
+
+TRUTH_HEADER = "t_s,lat_deg,lon_deg,heading_true_deg,t_ns,east_m,north_m,v_east_m_s,v_north_m_s"
+TRUTH_RATE_HZ = 10.0
+
+_CONFIG_HEAD = """\
+# Written by `wayfix-onboard virtual` for the voyage {name!r}; matches what its pseudo-terminals send.
+# sigma_m is one number for both axes; a scenario's own noise may differ by axis and change under way.
+"""
+
+
+def boat_config(voyage: Voyage, ports: dict[str, str], bind: str) -> BoatConfig:
+    """The daemon's configuration for the ports (name -> path) of a virtual boat."""
+    facts, rates = voyage.facts, voyage.rates
+    latency = {plan.name: float(plan.latency_ms) for plan in PORTS}
+    return BoatConfig(
+        boat=voyage.boat,
+        frames=FramesTable(),
+        link=LinkTable(bind=bind),
+        port=tuple(PortTable(name=plan.name, path=ports[plan.name], baud=plan.baud) for plan in PORTS),
+        sensor=(
+            SensorTable(
+                id="gps1",
+                port="gps",
+                role="gps",
+                rate_hz=rates.gps_hz,
+                latency_ms=latency["gps"],
+                sigma_m=facts.sigma_m,
+            ),
+            SensorTable(
+                id="compass1",
+                port="compass",
+                role="compass",
+                rate_hz=rates.compass_hz,
+                latency_ms=latency["compass"],
+                sigma_deg=facts.sigma_deg,
+            ),
+            SensorTable(
+                id="imu1",
+                port="imu",
+                role="imu",
+                model="arduimu",
+                rate_hz=rates.imu_hz,
+                latency_ms=latency["imu"],
+                accel_density=facts.accel_density,
+                gyro_density_deg=facts.gyro_density_deg,
+                use=facts.use,
+            ),
+        ),
+    )
+
+
+def config_text(voyage: Voyage, config: BoatConfig) -> str:
+    """`config` as TOML, every key written out."""
+    parts = [_CONFIG_HEAD.format(name=voyage.name)]
+    for name, content in as_dict(config).items():
+        tables = content if isinstance(content, list) else [content]
+        head = f"[[{name}]]" if isinstance(content, list) else f"[{name}]"
+        for table in tables:
+            # JSON's texts, numbers, booleans and lists are TOML's too.
+            rows = "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
+            parts.append(f"{head}\n{rows}")
+    return "\n".join(parts)
+
+
+class TruthFile:
+    """Truth at 10 Hz. All but the boat time is worked out beforehand: writing must not delay the first byte."""
+
+    def __init__(self, voyage: Voyage) -> None:
+        first_s, last_s = voyage.truth.t_s[[0, -1]].tolist()
+        times = grid(last_s, TRUTH_RATE_HZ)
+        truth = voyage.truth.at(times[times >= first_s])
+        columns = (truth.t_s, truth.east_m, truth.north_m, np.degrees(truth.heading_rad))
+        velocity = (truth.v_east_m_s, truth.v_north_m_s)
+        self._rows: list[tuple[float, str, str]] = []
+        for t_s, east, north, heading, v_east, v_north in np.stack((*columns, *velocity), axis=1).tolist():
+            lat, lon = voyage.plane.to_lat_lon_deg(east, north)
+            before = f"{t_s:.3f},{lat:.9f},{lon:.9f},{wrap_deg(heading):.4f}"
+            self._rows.append((t_s, before, f"{east:.4f},{north:.4f},{v_east:.5f},{v_north:.5f}"))
+
+    def write(self, path: Path, start_ns: int) -> None:
+        """Write it; t = 0 is boat time `start_ns`."""
+        rows = (f"{before},{start_ns + round(t_s * 1e9)},{after}\n" for t_s, before, after in self._rows)
+        path.write_text(f"{TRUTH_HEADER}\n{''.join(rows)}", encoding="ascii")
+
+
+class SentFile:
+    """One JSON line for each measurement whose last byte went out, and a count for each sensor."""
+
+    def __init__(self, path: Path, sensors: Iterator[str]) -> None:
+        self.counts = dict.fromkeys(sensors, 0)
+        # By line: whoever reads while the boat still sails sees whole lines.
+        self._stream = path.open("w", encoding="ascii", buffering=1)
+
+    def note(self, record: dict[str, Any]) -> None:
+        """Write one record."""
+        self.counts[record["sensor"]] += 1
+        self._stream.write(json.dumps(record, separators=(",", ":")) + "\n")
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()

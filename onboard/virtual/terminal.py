@@ -1,0 +1,60 @@
+"""A pseudo-terminal under a stable name, which can be pulled out and put back like a USB adapter."""
+
+import contextlib
+import os
+import tty
+from pathlib import Path
+
+
+class Terminal:
+    """One virtual serial port: `link` is the path to open. It is plugged in from the start.
+
+    A slave end stays open here, so that the raw mode persists and writing needs no reader. Nothing paces a
+    pseudo-terminal: the caller does. A port nobody reads holds about 20 kB and then loses bytes, like a UART.
+    """
+
+    def __init__(self, link: Path) -> None:
+        self.link = link
+        self._master: int | None = None
+        self._keeper = -1
+        self.plug()
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the adapter is in."""
+        return self._master is not None
+
+    def plug(self) -> None:
+        """Put the adapter (back) in: a new pseudo-terminal under the same name."""
+        if self._master is not None:
+            return
+        self._master, self._keeper = os.openpty()
+        # A fresh pseudo-terminal is cooked and echoes: raw before the first byte.
+        tty.setraw(self._keeper)
+        os.set_blocking(self._master, False)
+        fresh = self.link.with_name(f".{self.link.name}.new")
+        fresh.unlink(missing_ok=True)
+        fresh.symlink_to(os.ttyname(self._keeper))
+        # Replaced in one step: whoever looks sees the old or the new device, never no link.
+        fresh.replace(self.link)
+
+    def unplug(self) -> None:
+        """Pull the adapter: a reader sees an end of file or EIO; the name stays and leads nowhere."""
+        if self._master is None:
+            return
+        os.close(self._keeper)
+        os.close(self._master)
+        self._master = None
+
+    def write(self, data: bytes) -> int:
+        """Bytes that went in (fewer than given when nobody reads, 0 when unplugged); never blocks."""
+        if self._master is None:
+            return 0
+        with contextlib.suppress(BlockingIOError):
+            return os.write(self._master, data)
+        return 0
+
+    def close(self) -> None:
+        """Unplug for good and remove the name."""
+        self.unplug()
+        self.link.unlink(missing_ok=True)

@@ -1,0 +1,247 @@
+"""`wayfix demo`: a whole boat on this machine. Virtual boat and daemon are real processes, the station is the real one.
+
+    virtual boat --ptys--> daemon --socket--> station --> log, table, picture
+
+Order of the end: the virtual boat has sent everything, the daemon is asked to stop, drains and sends `end`, the station
+closes its log, then the virtual boat goes.
+"""
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from common.clock import boottime_ns
+from common.codec import decode_frame
+from common.errors import WayfixError
+from shore.link import Link
+from shore.live import LiveRun, Options, StopFlag, Tally
+from shore.logbook.read import read_log
+from shore.replay import logged_config
+from shore.score import score_of
+
+READY_S: Final = 20.0
+DRAIN_BOAT_S: Final = 1.0
+"""Boat seconds between the virtual boat's last byte and the daemon's stop: the last GPS epoch closes in them."""
+END_S: Final = 3.0
+STOP_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """What to play; `seconds` None = the whole mission."""
+
+    scenario: str
+    seed: int
+    speed: float
+    seconds: float | None
+    filters: tuple[str, ...]
+    log_dir: Path | None
+    recording: Path | None = None
+    mapping: Path | None = None
+    headless: bool = False
+
+
+class Child:
+    """A process of the demo; its stdout is JSON lines, its stderr is kept for the case that it dies."""
+
+    def __init__(self, name: str, arguments: list[str]) -> None:
+        # A script beside the interpreter: found also when the virtual environment is not activated.
+        program = Path(sys.executable).with_name("wayfix-onboard")
+        if not program.exists():
+            raise WayfixError("wayfix-onboard is not installed here", str(program.parent), "pip install '.[onboard,shore]'")
+        self.name = name
+        self.last_lines: deque[str] = deque(maxlen=5)
+        self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
+        self.process = subprocess.Popen(  # noqa: S603 (our own program, no shell)
+            [str(program), *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C is the demo's to pass on, in order
+        )
+        threading.Thread(target=self._read_stdout, daemon=True).start()
+        threading.Thread(target=self._read_stderr, daemon=True).start()
+
+    def expect(self, key: str, timeout_s: float, stopped: Callable[[], bool]) -> dict[str, Any]:
+        """Wait for the JSON line {key: ...}; raises WayfixError when the child dies or keeps silent."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline and not stopped():
+            if (line := self.said(key)) is not None:
+                return line
+            if self.process.poll() is not None:
+                raise self.death()
+            time.sleep(0.02)
+        raise WayfixError(f"{self.name} did not get ready within {timeout_s:g} s", cure="look at its last lines above")
+
+    def said(self, key: str) -> dict[str, Any] | None:
+        """The value of the next JSON line with this key, if it has come; other lines are dropped."""
+        while True:
+            try:
+                line = self._lines.get_nowait()
+            except queue.Empty:
+                return None
+            if key in line:
+                return dict(line[key])
+
+    def tell(self, line: str) -> None:
+        """One line to the child's stdin."""
+        assert self.process.stdin is not None
+        try:
+            self.process.stdin.write(line + "\n")
+            self.process.stdin.flush()
+        except OSError as error:
+            raise self.death() from error
+
+    def death(self) -> WayfixError:
+        """The sentence for a child that is gone."""
+        time.sleep(0.1)  # its last line may still be on the way
+        code = self.process.poll()
+        how = f"killed by {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
+        last = self.last_lines[-1] if self.last_lines else "it said nothing"
+        return WayfixError(f"{self.name} ended unexpectedly ({how}): {last}", cure="the demo stops")
+
+    def terminate(self) -> None:
+        """SIGTERM, and SIGKILL for one that does not listen."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(STOP_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    def _read_stdout(self) -> None:
+        assert self.process.stdout is not None
+        for text in self.process.stdout:
+            try:
+                line = json.loads(text)
+            except ValueError:
+                continue
+            if isinstance(line, dict):
+                self._lines.put(line)
+
+    def _read_stderr(self) -> None:
+        assert self.process.stderr is not None
+        for text in self.process.stderr:
+            self.last_lines.append(text.rstrip())
+
+
+class Demo:
+    """Runs the processes and the station; `say` prints for the person at the terminal."""
+
+    def __init__(self, options: DemoOptions, say: Callable[[str], None]) -> None:
+        self.options = options
+        self._say = say
+        self._stop = StopFlag()
+        self._virtual: Child | None = None
+        self._daemon: Child | None = None
+        self._done_ns: int | None = None
+        self._asked_to_end_ns: int | None = None
+        self.dead: WayfixError | None = None
+
+    def run(self) -> dict[str, Any]:
+        """The whole demo; returns the JSON summary. Raises WayfixError when a child dies or nothing can start."""
+        directory = self._directory()
+        with self._stop.on_signals():
+            try:
+                ready, bind = self._start(directory)
+                tally, log_path = self._live(bind, directory)
+            finally:
+                for child in (self._daemon, self._virtual):
+                    if child is not None:
+                        child.terminate()
+        if self.dead is not None:
+            raise self.dead
+        return self._summary(tally, log_path, Path(ready["truth"]))
+
+    def _directory(self) -> Path:
+        if self.options.log_dir is None:
+            return Path(tempfile.mkdtemp(prefix="wayfix-demo-"))
+        try:
+            self.options.log_dir.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            cure = "give a directory that can be written"
+            raise WayfixError(f"cannot be used ({error.strerror})", str(self.options.log_dir), cure) from error
+        return self.options.log_dir
+
+    def _start(self, directory: Path) -> tuple[dict[str, Any], str]:
+        clock = ["--clock-rate", f"{self.options.speed:g}", "--clock-start", str(boottime_ns()), "--until-stdin-closes"]
+        source = ["--scenario", self.options.scenario]
+        if self.options.recording is not None:
+            source = ["--recording", str(self.options.recording), "--map", str(self.options.mapping)]
+        length = [] if self.options.seconds is None else ["--seconds", f"{self.options.seconds:g}"]
+        self._say("starting the virtual boat and the daemon ...")
+        place = ["--dir", str(directory / "boat"), "--bind", "tcp://127.0.0.1:*", "--seed", str(self.options.seed)]
+        self._virtual = Child("virtual boat", ["virtual", *source, *length, *place, *clock, "--hold"])
+        ready = self._virtual.expect("ready", READY_S, self._stop)
+        self._daemon = Child("daemon", ["run", ready["config"], *clock])
+        bind = self._daemon.expect("ready", READY_S, self._stop)["bind"]
+        return ready, str(bind)
+
+    def _live(self, bind: str, directory: Path) -> tuple[Tally, Path]:
+        assert self._virtual is not None
+        link = Link(bind, client="demo")
+        try:
+            options = Options(filters=self.options.filters, log_dir=directory)
+            say = (lambda _line: None) if self.options.headless else self._say
+            live = LiveRun(link, options, self._supervise, say)
+            self._virtual.tell("go")
+            tally = live.run()
+            assert live.log_path is not None
+            return tally, live.log_path
+        finally:
+            link.close()
+
+    def _supervise(self) -> bool:
+        """Asked between frames: has somebody died, is the mission over, did the person press Ctrl-C?"""
+        assert self._virtual is not None
+        assert self._daemon is not None
+        if self._stop():
+            return True
+        now_ns = boottime_ns()
+        if self._asked_to_end_ns is not None:
+            return now_ns - self._asked_to_end_ns > END_S * 1e9
+        for child in (self._virtual, self._daemon):
+            if child.process.poll() is not None:
+                self.dead = child.death()
+                return True
+        if self._done_ns is None and self._virtual.said("done") is not None:
+            self._done_ns = now_ns
+        if self._done_ns is not None and now_ns - self._done_ns > DRAIN_BOAT_S / self.options.speed * 1e9:
+            self._asked_to_end_ns = now_ns
+            os.kill(self._daemon.process.pid, signal.SIGTERM)
+        return False
+
+    def _summary(self, tally: Tally, log_path: Path, truth: Path) -> dict[str, Any]:
+        reader = read_log(log_path)
+        frames = [decode_frame(data) for data in reader.frames()]
+        estimates = list(reader.estimates())
+        if not frames:
+            raise WayfixError("the run gave no frame", str(log_path), "run it longer")
+        score = score_of(truth, logged_config(reader, log_path), frames, estimates)
+        counts = {"sent": tally.sent, "received": tally.received, "lost": tally.missing}
+        summary = {"frames": counts, **score.summary(), "log": str(log_path)}
+        picture = log_path.with_suffix(".png")
+        title = f"Wayfix demo: scenario {self.options.scenario}, seed {self.options.seed}"
+        if self.options.recording is not None:
+            title = f"Wayfix demo: {self.options.recording.name}"
+        try:
+            from shore.report.tracks import draw
+
+            draw(picture, score, frames, estimates, title)
+            summary["picture"] = str(picture)
+        except ImportError:
+            self._say("no picture: matplotlib is missing; pip install 'wayfix[report]'")
+        return summary

@@ -1,0 +1,224 @@
+"""The live run: link -> log (raw frame first) -> pipeline -> log (estimates, events), one status line a second."""
+
+import logging
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from common.clock import boottime_ns
+from common.codec import decode_frame
+from common.errors import CodecError, LinkError
+from common.events import event
+from common.messages import Event, Frame
+from common.sensors import BoatConfig
+from common.settings import convert
+from common.units import NS_PER_S
+from shore.link import Link, Received
+from shore.logbook.record import LogWriter
+from shore.pipeline import Pipeline
+from shore.status import StatusLine
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a live run was asked for."""
+
+    filters: Sequence[str]
+    frames: int | None = None
+    period_s: float | None = None
+    step_s: float | None = None
+    log_dir: Path | None = None
+
+
+@dataclass(slots=True)
+class Tally:
+    """What became of the frames."""
+
+    received: int = 0
+    missing: int = 0
+    bad: int = 0
+    sent: int | None = None
+    """As the board's `end` says; None = no end was received."""
+    end_reason: str | None = None
+
+
+class StopFlag:
+    """Set by Ctrl-C and SIGTERM; asked between frames, so that the log is always closed."""
+
+    def __init__(self) -> None:
+        self.reason: str | None = None
+
+    def __call__(self) -> bool:
+        return self.reason is not None
+
+    @contextmanager
+    def on_signals(self) -> Iterator["StopFlag"]:
+        """Catch SIGINT and SIGTERM inside the block."""
+        handled = (signal.SIGINT, signal.SIGTERM)
+        previous = {number: signal.signal(number, self._catch) for number in handled}
+        try:
+            yield self
+        finally:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+
+    def _catch(self, number: int, _frame: object) -> None:
+        self.reason = signal.Signals(number).name
+
+
+class LiveRun:
+    """One station session from `connected` to its end. `say` prints a line for the person at the terminal."""
+
+    def __init__(self, link: Link, options: Options, stopped: Callable[[], bool], say: Callable[[str], None]) -> None:
+        """Connects at once; raises LinkError or WayfixError (unknown filter, log directory)."""
+        self.tally = Tally()
+        self._link = link
+        self._options = options
+        self._stopped = stopped
+        self._say = say
+        self.connected = link.connect(stopped=stopped)
+        self.config = convert(self.connected["config"], BoatConfig, "configuration of the board")
+        self._pipeline = Pipeline(self.config, options.filters, options.step_s)
+        self._status = StatusLine(self.config, options.filters[0])
+        self._next_seq: int | None = None
+        self._boot_id = self.connected["boot_id"]
+        self.writer = LogWriter(options.log_dir, self.config.boat.id, time.time_ns()) if options.log_dir else None
+        self._lost_since_ns: int | None = None
+        self.broken = False
+        """A bounded run ended because the link broke."""
+
+    @property
+    def log_path(self) -> Path | None:
+        """The log file, when one is written."""
+        return self.writer.path if self.writer else None
+
+    def run(self) -> Tally:
+        """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
+        self._next_seq = self.connected["next_seq"]
+        self._write_session()
+        self._link.run(self._options.frames, self._options.period_s)
+        next_second_ns = boottime_ns() + NS_PER_S
+        try:
+            while not self._stopped() and not self.broken:
+                received = self._receive()
+                if received is not None and received.end is not None:
+                    self._ended(received.end)
+                    break
+                if received is not None and received.frame is not None:
+                    self._take(received.frame)
+                if boottime_ns() >= next_second_ns:
+                    next_second_ns += NS_PER_S
+                    self._each_second()
+        finally:
+            if self.writer:
+                self.writer.write_session({"kind": "end", **self._summary()}, time.time_ns())
+                self.writer.close()
+        return self.tally
+
+    def _receive(self) -> Received | None:
+        try:
+            return self._link.receive(0.1)
+        except CodecError as error:
+            self.tally.bad += 1
+            log.warning("message not understood: %s", error)
+            return None
+
+    def _take(self, data: bytes) -> None:
+        now_ns = time.time_ns()
+        try:
+            frame = decode_frame(data)
+        except CodecError as error:
+            self.tally.bad += 1
+            log.warning("frame not understood: %s", error)
+            return
+        self.tally.received += 1
+        if self.writer:
+            self.writer.write_frame(data, frame, now_ns)
+        for happening in self._gap_events(frame):
+            self._happened(happening, now_ns)
+        output = self._pipeline.push(frame)
+        if self.writer:
+            for estimate in output.estimates:
+                self.writer.write_estimate(estimate.as_record(), now_ns)
+        for happening in (*frame.events, *output.events):
+            self._happened(happening, now_ns)
+        self._status.take(frame, output.estimates)
+
+    def _gap_events(self, frame: Frame) -> Iterator[Event]:
+        first_seq = frame.seq if frame.first_seq is None else frame.first_seq
+        if frame.boot_id != self._boot_id:
+            self._boot_id = frame.boot_id
+        elif self._next_seq is not None and first_seq > self._next_seq and self._options.frames is None:
+            count = first_seq - self._next_seq
+            self.tally.missing += count
+            yield event("frames-missing", frame.t1_ns, "link", count=count, seq=first_seq)
+        self._next_seq = frame.seq + 1
+        if self._lost_since_ns is not None:
+            age_s = round((boottime_ns() - self._lost_since_ns) / NS_PER_S, 1)
+            self._lost_since_ns = None
+            yield event("link-restored", frame.t1_ns, "link", age_s=age_s)
+
+    def _happened(self, happening: Event, now_ns: int) -> None:
+        if self.writer:
+            self.writer.write_event(happening, now_ns)
+        if happening.level != "debug":
+            self._say(f"{happening.level}: {happening.source}: {happening.text}")
+
+    def _each_second(self) -> None:
+        if self.writer:
+            self.writer.sync()
+        silent_s = self._link.silent_s()
+        if silent_s is None:
+            self._say(self._status.text(self.tally.received, self.tally.missing))
+            return
+        if self._lost_since_ns is None:
+            self._lost_since_ns = boottime_ns() - int(silent_s * NS_PER_S)
+            lost = event("link-lost", self._status.t_ns, "link", age_s=round(silent_s, 1))
+            self._happened(lost, time.time_ns())
+            # A bounded run cannot be carried on without the board's spool: frames would be missing.
+            self.broken = self._options.frames is not None
+        if not self.broken:
+            self._begin_again()
+
+    def _begin_again(self) -> None:
+        """Throw the socket away and greet anew; a restarted board or a new address is found like this."""
+        with suppress(LinkError, CodecError):
+            connected = self._link.connect(RETRY_S, self._stopped)
+            if connected["boot_id"] != self._boot_id:
+                self._next_seq = None
+            self._link.run()
+
+    def _ended(self, end: dict[str, Any]) -> None:
+        self.tally.sent = int(end.get("sent") or 0)
+        self.tally.end_reason = str(end.get("reason"))
+        if self._options.frames is None and self._next_seq is not None:
+            self.tally.missing += max(0, int(end.get("next_seq") or 0) - self._next_seq)
+
+    def _write_session(self) -> None:
+        if self.writer:
+            asked = {
+                "filters": list(self._options.filters),
+                "step_s": self._options.step_s,
+                "frames": self._options.frames,
+                "period_s": self._options.period_s,
+            }
+            record = {"kind": "start", "options": asked, "connected": self.connected, "utc_ns": time.time_ns()}
+            self.writer.write_session(record, time.time_ns())
+
+    def _summary(self) -> dict[str, Any]:
+        tally = self.tally
+        return {
+            "received": tally.received,
+            "missing": tally.missing,
+            "bad": tally.bad,
+            "sent": tally.sent,
+            "reason": tally.end_reason,
+        }

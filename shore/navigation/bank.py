@@ -1,0 +1,103 @@
+"""Several filters carried side by side from one moment to the next; everything they need to go back is in a `Moment`."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from common.messages import ImuBlock
+from shore.navigation.beginning import first_state
+from shore.navigation.filters import Filter, FilterFacts, FilterState
+from shore.navigation.imu import Step
+from shore.navigation.measurements import Position, TrueHeading
+
+Measurement = Position | TrueHeading
+
+
+class Batch(NamedTuple):
+    """What one frame brings, converted."""
+
+    t1_ns: int
+    """The end of the frame."""
+    boot_id: str
+    measurements: tuple[Measurement, ...]
+    blocks: tuple[ImuBlock, ...]
+    """Of the IMU that the filters use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The memory of all filters at one time; immutable."""
+
+    t_ns: int
+    states: tuple[FilterState | None, ...]
+    """One for each filter; `None` = waits for its start."""
+    position: Position | None = None
+    """The newest so far: filters start from these."""
+    heading: TrueHeading | None = None
+
+
+class Bank:
+    """The filters of one boat."""
+
+    def __init__(self, filters: Sequence[Filter], facts: FilterFacts, has_compass: bool) -> None:
+        self.filters = tuple(filters)
+        self.has_compass = has_compass
+        self.resets: list[tuple[str, int]] = []
+        """(filter, t_ns) of each state that was not finite and was thrown away; emptied by the reader."""
+        self._facts = facts
+
+    def at_rest(self) -> Moment:
+        """Before anything was measured."""
+        return Moment(0, (None,) * len(self.filters))
+
+    def advance(
+        self, moment: Moment, t_ns: int, steps: Sequence[Step], measurements: Iterable[Measurement] = ()
+    ) -> Moment:
+        """Predict along `steps`, fuse what was measured at `t_ns`, start filters that can be started."""
+        fused = tuple(measurements)
+        position, heading = moment.position, moment.heading
+        for measured in fused:
+            if isinstance(measured, TrueHeading):
+                heading = measured
+            else:
+                position = measured
+                if not self.has_compass and measured.course_rad is not None:
+                    heading = TrueHeading(measured.t_ns, measured.sensor, measured.course_rad)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            states = tuple(
+                self._begin(each, t_ns, position, heading)
+                if state is None
+                else self._carry(each, state, steps, fused, t_ns)
+                for each, state in zip(self.filters, moment.states, strict=True)
+            )
+        return Moment(t_ns, states, position, heading)
+
+    def _begin(
+        self, each: Filter, t_ns: int, position: Position | None, heading: TrueHeading | None
+    ) -> FilterState | None:
+        if position is None or heading is None:
+            return None
+        each.start(*first_state(t_ns, position, heading, self._facts))
+        return each.snapshot()
+
+    def _carry(
+        self, each: Filter, state: FilterState, steps: Sequence[Step], fused: tuple[Measurement, ...], t_ns: int
+    ) -> FilterState | None:
+        """The state after prediction and fusion; `None` when it is no longer finite, which is recorded."""
+        each.restore(state)
+        for step in steps:
+            each.predict(step.dt_s, step.imu)
+        for measured in fused:
+            if isinstance(measured, TrueHeading):
+                each.update_heading(measured.sensor, measured.heading_rad)
+                continue
+            each.update_position(measured.sensor, measured.east_m, measured.north_m)
+            if not self.has_compass and measured.course_rad is not None:
+                each.update_course(measured.sensor, measured.course_rad)
+        after = each.snapshot()
+        if after.healthy:
+            return after
+        self.resets.append((each.name, t_ns))
+        return None

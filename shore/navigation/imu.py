@@ -1,0 +1,201 @@
+"""The IMU as a function of time: which input drives each stretch of the track.
+
+A sample covers the interval that ends at its time. Shorter gaps than `hold_ns` belong to the next sample; in a longer
+one the last sample is held for `hold_ns`, then nothing is known (`None`). Where frames are missing, the difference of
+the running sums is one coarse sample over the gap. All of it depends on the set of blocks only, not on their arrival.
+"""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+from common.messages import ImuBlock
+from common.sensors import ROLES, SensorTable
+from common.units import NS_PER_S
+from shore.navigation.models import ImuInput
+
+HOLD_S: Final = 0.25
+HOLD_PERIODS: Final = 3.0
+LONGEST_STEP_S: Final = 1.0
+MOST_STEPS: Final = 10
+"""A stretch above 1 s is predicted in up to ten equal steps: P is then within 1/(4 x 10^2) of the continuous one."""
+
+
+class Stretch(NamedTuple):
+    """One input that holds over (start, end]."""
+
+    start_ns: int
+    end_ns: int
+    imu: ImuInput
+
+
+class Step(NamedTuple):
+    """One prediction: its length and what drives it."""
+
+    dt_s: float
+    imu: ImuInput | None
+
+
+@dataclass(slots=True)
+class _Block:
+    """A block of samples with biases removed, in SI; `stretches` depend on the block before it."""
+
+    boot_id: str
+    source: ImuBlock
+    times_ns: list[int]
+    inputs: list[ImuInput]
+    stretches: list[Stretch] = field(default_factory=list)
+
+
+class ImuTrack:
+    """Blocks of one IMU in order of time."""
+
+    def __init__(self, sensor: SensorTable) -> None:
+        self._sensor = sensor
+        rate_hz = sensor.rate_hz or ROLES["imu"].nominal_rate_hz
+        self._period_ns = int(NS_PER_S / rate_hz)
+        self._hold_ns = int(max(HOLD_S, HOLD_PERIODS / rate_hz) * NS_PER_S)
+        self._blocks: list[_Block] = []
+        self._stretches: list[Stretch] = []
+        self._ends_ns: list[int] = []
+
+    @property
+    def sensor_id(self) -> str:
+        """The IMU this track is of."""
+        return self._sensor.id
+
+    def insert(self, block: ImuBlock, boot_id: str) -> tuple[int, int] | None:
+        """Take in a block in any order. Returns the time from which the track has changed and the block's last sample.
+
+        `None` when it has no usable sample or is known already.
+        """
+        fresh = self._decode(block, boot_id)
+        place = bisect_left(self._blocks, block.t_ns, key=lambda known: known.source.t_ns)
+        if not fresh.times_ns or (place < len(self._blocks) and self._blocks[place].source == block):
+            return None
+        self._blocks.insert(place, fresh)
+        for index in (place, place + 1):
+            if index < len(self._blocks):
+                before = self._blocks[index - 1] if index else None
+                self._blocks[index].stretches = self._cover(before, self._blocks[index])
+        self._flatten()
+        return (fresh.stretches[0].start_ns if fresh.stretches else fresh.times_ns[0]), fresh.times_ns[-1]
+
+    def forget_before(self, t_ns: int) -> None:
+        """Drop blocks that ended before `t_ns`, except the newest of them."""
+        old = sum(block.times_ns[-1] < t_ns for block in self._blocks) - 1
+        if old > 0:
+            del self._blocks[:old]
+            self._flatten()
+
+    def steps(self, from_ns: int, to_ns: int) -> Iterator[Step]:
+        """The predictions that lead from one time to a later one."""
+        index = bisect_right(self._ends_ns, from_ns)
+        now_ns = from_ns
+        while now_ns < to_ns:
+            end_ns, imu = self._next(index, now_ns)
+            end_ns = to_ns if end_ns is None else min(end_ns, to_ns)
+            if end_ns > now_ns:
+                yield from split(now_ns, end_ns, imu)
+                now_ns = end_ns
+            while index < len(self._ends_ns) and self._ends_ns[index] <= now_ns:
+                index += 1
+
+    def mean(self, from_ns: int, to_ns: int) -> ImuInput | None:
+        """Plain mean of the samples in (from, to]; `None` without any."""
+        samples = [
+            imu
+            for block in self._blocks
+            for t_ns, imu in zip(block.times_ns, block.inputs, strict=True)
+            if from_ns < t_ns <= to_ns
+        ]
+        if not samples:
+            return None
+        return ImuInput(*(sum(column) / len(samples) for column in zip(*samples, strict=True)))
+
+    def _next(self, index: int, now_ns: int) -> tuple[int | None, ImuInput | None]:
+        """Input from `now_ns` on, and until when (`None` = for ever); `index` is the first stretch that ends later."""
+        following = self._stretches[index] if index < len(self._stretches) else None
+        if following and following.start_ns <= now_ns:
+            return following.end_ns, following.imu
+        until_ns = following.start_ns if following else None
+        if index:
+            held = self._stretches[index - 1]
+            held_until_ns = held.end_ns + self._hold_ns
+            if now_ns < held_until_ns:
+                return (held_until_ns if until_ns is None else min(held_until_ns, until_ns)), held.imu
+        return until_ns, None
+
+    def _flatten(self) -> None:
+        self._stretches = [stretch for block in self._blocks for stretch in block.stretches]
+        self._ends_ns = [stretch.end_ns for stretch in self._stretches]
+
+    def _decode(self, block: ImuBlock, boot_id: str) -> _Block:
+        """Samples in order of time, finite ones only."""
+        columns = zip(block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=False)
+        samples = sorted(sample for sample in columns if all(map(math.isfinite, sample)))
+        return _Block(
+            boot_id,
+            block,
+            [t_ns for t_ns, *_ in samples],
+            [self._input(fwd, stb, yaw) for _, fwd, stb, yaw in samples],
+        )
+
+    def _input(self, fwd: float, stb: float, yaw_deg: float) -> ImuInput:
+        """Known biases removed (thesis Eqs 3.2, 3.3), unused axes 0, rad/s."""
+        sensor = self._sensor
+        return ImuInput(
+            fwd - sensor.bias_accel_fwd_m_s2 if "accel_fwd" in sensor.use else 0.0,
+            stb - sensor.bias_accel_stb_m_s2 if "accel_stb" in sensor.use else 0.0,
+            math.radians(yaw_deg - sensor.bias_yaw_rate_deg_s) if "yaw_rate" in sensor.use else 0.0,
+        )
+
+    def _cover(self, before: _Block | None, block: _Block) -> list[Stretch]:
+        """The stretches of a block, given the one before it."""
+        last_ns = before.times_ns[-1] if before else None
+        stretches = []
+        coarse = self._coarse(before, block) if before else None
+        if coarse:
+            stretches.append(coarse)
+            last_ns = coarse.end_ns
+        for t_ns, imu in zip(block.times_ns, block.inputs, strict=True):
+            if last_ns is None or t_ns - last_ns > self._hold_ns:
+                last_ns = t_ns - self._period_ns
+            if t_ns > last_ns:
+                stretches.append(Stretch(last_ns, t_ns, imu))
+                last_ns = t_ns
+        return stretches
+
+    def _coarse(self, before: _Block, block: _Block) -> Stretch | None:
+        """Mean over missing blocks: difference of the running sums less the block's own part."""
+        later, earlier = block.source, before.source
+        missing = later.sum_count - earlier.sum_count - len(later.offset_us)
+        covered_s = later.sum_time_s - earlier.sum_time_s
+        if block.boot_id != before.boot_id or missing <= 0 or covered_s <= 0.0:
+            return None
+        period_s = covered_s / (missing + len(later.offset_us))
+        own_s = [period_s, *((b - a) / NS_PER_S for a, b in pairwise(later.sample_t_ns))]
+        gap_s = covered_s - sum(own_s)
+        end_ns = block.times_ns[0] - round(period_s * NS_PER_S)
+        if gap_s <= 0.0 or end_ns <= before.times_ns[-1]:
+            return None
+        sums = (
+            (later.sum_accel_fwd_m_s - earlier.sum_accel_fwd_m_s, later.accel_fwd_m_s2),
+            (later.sum_accel_stb_m_s - earlier.sum_accel_stb_m_s, later.accel_stb_m_s2),
+            (later.sum_yaw_deg - earlier.sum_yaw_deg, later.yaw_rate_deg_s),
+        )
+        means = [(total - sum(map(float.__mul__, own_s, column))) / gap_s for total, column in sums]
+        if not all(map(math.isfinite, means)):
+            return None
+        return Stretch(before.times_ns[-1], end_ns, self._input(*means))
+
+
+def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> Iterator[Step]:
+    """One stretch as equal steps of at most 1 s, or as ten longer ones."""
+    dt_s = (end_ns - start_ns) / NS_PER_S
+    count = min(MOST_STEPS, math.ceil(dt_s / LONGEST_STEP_S))
+    for _ in range(count):
+        yield Step(dt_s / count, imu)

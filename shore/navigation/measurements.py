@@ -1,0 +1,115 @@
+"""From the messages of a frame to what a filter fuses: metres on the local plane and true headings in radians."""
+
+import math
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from common.angles import heading_rad
+from common.events import event
+from common.geodesy import LocalPlane
+from common.messages import Event, Fix, Heading
+from common.sensors import BoatConfig
+from common.units import M_S_PER_KN
+
+FARTHEST_M: Final = 20_000.0
+"""A fix beyond this distance from the origin is not used."""
+COURSE_FROM_KN: Final = 1.0
+"""SOG and COG of a fix give the velocity from this speed on."""
+COURSE_AS_HEADING_FROM_KN: Final = 2.0
+"""Without a compass, COG stands for the heading from this speed on."""
+
+
+class Position(NamedTuple):
+    """A usable fix on the local plane."""
+
+    t_ns: int
+    sensor: str
+    east_m: float
+    north_m: float
+    velocity_m_s: tuple[float, float] | None
+    """(east, north), from SOG and COG when moving."""
+    course_rad: float | None
+    """COG, when it may stand for a heading."""
+
+
+class TrueHeading(NamedTuple):
+    """A compass reading, corrected to true."""
+
+    t_ns: int
+    sensor: str
+    heading_rad: float
+
+
+class Reader:
+    """Corrects and converts measurements with the boat's sensor facts; tells each kind of trouble once."""
+
+    def __init__(self, config: BoatConfig, tell: Callable[[Event], None]) -> None:
+        self._sensors = {sensor.id: sensor for sensor in config.sensor}
+        self._variation_deg = config.boat.variation_deg
+        self._tell = tell
+        self._far: set[str] = set()
+        self._variation_unknown: set[str] = set()
+        self.plane: LocalPlane | None = None
+        """Touches the earth at the first usable fix that arrived."""
+
+    def position(self, fix: Fix) -> Position | None:
+        """The fix in metres; `None` when void, held, not configured or too far away."""
+        if not fix.usable or fix.lat_deg is None or fix.lon_deg is None or not self._is(fix.sensor, "gps"):
+            return None
+        if not math.isfinite(fix.lat_deg + fix.lon_deg):
+            return None
+        if self.plane is None:
+            self.plane = LocalPlane(fix.lat_deg, fix.lon_deg)
+        east_m, north_m = self.plane.to_east_north_m(fix.lat_deg, fix.lon_deg)
+        if self._too_far(fix, math.hypot(east_m, north_m)):
+            return None
+        velocity, course = _motion(fix)
+        return Position(fix.t_ns, fix.sensor, east_m, north_m, velocity, course)
+
+    def true_heading(self, heading: Heading) -> TrueHeading | None:
+        """The true heading: as sent, or magnetic + deviation + variation, both east +.
+
+        Deviation: the boat's table, else the device's. Variation: the device's, else the boat's table, else 0.
+        """
+        if not self._is(heading.sensor, "compass"):
+            return None
+        true_deg = heading.heading_true_deg
+        if true_deg is None and heading.heading_mag_deg is not None:
+            deviation = self._sensors[heading.sensor].deviation_deg or heading.deviation_deg or 0.0
+            true_deg = heading.heading_mag_deg + deviation + self._variation(heading)
+        if true_deg is None or not math.isfinite(true_deg):
+            return None
+        return TrueHeading(heading.t_ns, heading.sensor, heading_rad(true_deg))
+
+    def _is(self, sensor: str, role: str) -> bool:
+        return sensor in self._sensors and self._sensors[sensor].role == role
+
+    def _variation(self, heading: Heading) -> float:
+        if heading.variation_deg is not None:
+            return heading.variation_deg
+        if self._variation_deg is not None:
+            return self._variation_deg
+        if heading.sensor not in self._variation_unknown:
+            self._variation_unknown.add(heading.sensor)
+            self._tell(event("variation-unknown", heading.t_ns, heading.sensor, sensor=heading.sensor))
+        return 0.0
+
+    def _too_far(self, fix: Fix, distance_m: float) -> bool:
+        """Told once for each excursion."""
+        if distance_m <= FARTHEST_M:
+            self._far.discard(fix.sensor)
+            return False
+        if fix.sensor not in self._far:
+            self._far.add(fix.sensor)
+            distance_km = round(distance_m / 1000.0, 1)
+            self._tell(event("fix-far", fix.t_ns, fix.sensor, sensor=fix.sensor, distance_km=distance_km))
+        return True
+
+
+def _motion(fix: Fix) -> tuple[tuple[float, float] | None, float | None]:
+    """Velocity (east, north) in m/s and course in rad, each `None` where the speed is too low for it."""
+    if fix.sog_kn is None or fix.cog_true_deg is None or not fix.sog_kn >= COURSE_FROM_KN:
+        return None, None
+    course, speed = heading_rad(fix.cog_true_deg), fix.sog_kn * M_S_PER_KN
+    velocity = speed * math.sin(course), speed * math.cos(course)
+    return velocity, course if fix.sog_kn >= COURSE_AS_HEADING_FROM_KN else None

@@ -1,0 +1,58 @@
+"""The thesis' way of fusing (Fig. 3.14): one record px, py, ax, ay, omega, psi for each step, times inside it ignored.
+
+A step closes when a frame reaches its end. It takes the mean of the IMU over the step, the newest fix if there is one that
+no step has used, and the newest heading likewise.
+"""
+
+import math
+
+from common.units import NS_PER_S
+from shore.navigation.bank import Bank, Batch, Measurement, Moment
+from shore.navigation.imu import ImuTrack, Step
+from shore.navigation.measurements import Position, TrueHeading
+
+
+class Synchronous:
+    """Feeds a bank of filters once every `step_s`; same interface as `Timeline`."""
+
+    def __init__(self, bank: Bank, imu: ImuTrack | None, step_s: float) -> None:
+        self._bank = bank
+        self._imu = imu
+        self._step_s = step_s
+        self._step_ns = round(step_s * NS_PER_S)
+        self._end_ns: int | None = None
+        self._moment = bank.at_rest()
+        self._waiting: list[Measurement] = []
+        self._used_ns = {Position: -math.inf, TrueHeading: -math.inf}
+
+    def push(self, batch: Batch) -> list[Moment]:
+        """Take in a batch. Returns the moment of every step that its end closes; the first frame's end is the first."""
+        self._waiting += batch.measurements
+        for block in batch.blocks:
+            if self._imu is not None:
+                self._imu.insert(block, batch.boot_id)
+        self._end_ns = batch.t1_ns if self._end_ns is None else self._end_ns
+        closed = []
+        while self._end_ns <= batch.t1_ns:
+            self._moment = self._close(self._end_ns)
+            closed.append(self._moment)
+            self._end_ns += self._step_ns
+        return closed
+
+    def _close(self, end_ns: int) -> Moment:
+        """Predict over the step, then fuse its record."""
+        imu = self._imu.mean(end_ns - self._step_ns, end_ns) if self._imu is not None else None
+        record = [measured for kind in (Position, TrueHeading) if (measured := self._newest(kind, end_ns))]
+        self._waiting = [measured for measured in self._waiting if measured.t_ns > end_ns]
+        if self._imu is not None:
+            self._imu.forget_before(end_ns)
+        return self._bank.advance(self._moment, end_ns, [Step(self._step_s, imu)], record)
+
+    def _newest(self, kind: type[Position] | type[TrueHeading], end_ns: int) -> Measurement | None:
+        """The newest of a kind up to the end of the step, unless an earlier step has used it or a newer one."""
+        ready = [m for m in self._waiting if isinstance(m, kind) and self._used_ns[kind] < m.t_ns <= end_ns]
+        if not ready:
+            return None
+        newest = max(ready, key=lambda measured: measured.t_ns)
+        self._used_ns[kind] = newest.t_ns
+        return newest

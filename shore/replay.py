@@ -1,0 +1,79 @@
+"""Replay: the recorded frames through the very pipeline that ran live, in file order."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from common.codec import decode_frame
+from common.errors import CodecError, WayfixError
+from common.messages import Frame
+from common.sensors import BoatConfig
+from common.settings import convert
+from shore.logbook.read import LogReader, read_log
+from shore.pipeline import Pipeline
+
+
+@dataclass(slots=True)
+class Replay:
+    """What a replay found."""
+
+    config: BoatConfig
+    filters: tuple[str, ...]
+    frames: list[Frame] = field(default_factory=list)
+    estimates: list[dict[str, Any]] = field(default_factory=list)
+    recorded: int = 0
+    """Estimates in the log of the filters that were replayed."""
+    equal: int = 0
+    """Of these, how many came out the same to the last bit."""
+    bad_frames: int = 0
+    damage: str | None = None
+    """Why the log ends early, if it does."""
+
+
+def session_start(reader: LogReader, path: Path) -> dict[str, Any]:
+    """The record a live run begins with; raises WayfixError for a log without one."""
+    for record in reader.session():
+        if record.get("kind") == "start":
+            return record
+    raise WayfixError("has no session record, so its sensors are unknown", str(path), "give a log of `wayfix connect`")
+
+
+def logged_config(reader: LogReader, path: Path) -> BoatConfig:
+    """The board's configuration as it was when the log was made."""
+    return convert(session_start(reader, path)["connected"]["config"], BoatConfig, f"configuration in {path}")
+
+
+def replay(
+    path: Path, filters: Sequence[str] | None = None, step_s: float | None = None, progress: Any = None
+) -> Replay:
+    """Replay a log. Filters and step default to those of the live run; progress wraps the iterable of frames."""
+    reader = read_log(path)
+    start = session_start(reader, path)
+    options = start["options"]
+    config = logged_config(reader, path)
+    names = tuple(filters or options["filters"])
+    live_step_s = options.get("step_s")
+    pipeline = Pipeline(config, names, live_step_s if step_s is None else step_s)
+    result = Replay(config, names)
+    frames: Iterable[bytes] = reader.frames()
+    for data in progress(frames) if progress else frames:
+        try:
+            frame = decode_frame(data)
+        except CodecError:
+            result.bad_frames += 1
+            continue
+        result.frames.append(frame)
+        result.estimates += [estimate.as_record() for estimate in pipeline.push(frame).estimates]
+    result.damage = reader.damage
+    _compare(result, reader)
+    return result
+
+
+def _compare(result: Replay, reader: LogReader) -> None:
+    """Count recorded estimates that were found again bit for bit (NaN never occurs in a record)."""
+    made = {(item["filter"], item["boot_id"], item["seq"]): item for item in result.estimates}
+    for record in reader.estimates():
+        if record["filter"] in result.filters:
+            result.recorded += 1
+            result.equal += made.get((record["filter"], record["boot_id"], record["seq"])) == record

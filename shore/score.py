@@ -1,0 +1,173 @@
+"""Scores a log against a reference track: RMS of position and heading for raw sensors and every filter.
+
+Position error is horizontal distance (m), heading error is wrapped (deg). Estimates are scored at their own boat time, fixes
+and headings at theirs; the reference is interpolated, never extrapolated.
+"""
+
+import csv
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.angles import difference_deg
+from common.errors import WayfixError
+from common.geodesy import LocalPlane
+from common.messages import Frame
+from common.sensors import BoatConfig
+from common.units import NS_PER_S
+
+Array = NDArray[np.float64]
+
+REQUIRED_COLUMNS: Final = ("t_s", "lat_deg", "lon_deg", "heading_true_deg")
+LATE_SHARE: Final = 0.75
+"""The last quarter begins after this share of the scored time."""
+
+
+class Reference:
+    """A reference track on the boat clock: CSV `t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]`."""
+
+    def __init__(self, t_ns: Array, lat_deg: Array, lon_deg: Array, heading_true_deg: Array) -> None:
+        """Arrays (n,), times increasing, whole ns as floats relative to nothing: the boat clock itself."""
+        self.plane = LocalPlane(float(lat_deg[0]), float(lon_deg[0]))
+        positions = [self.plane.to_east_north_m(float(a), float(b)) for a, b in zip(lat_deg, lon_deg, strict=True)]
+        self.start_ns = float(t_ns[0])
+        self._t_s = (t_ns - t_ns[0]) / NS_PER_S
+        self.east_m = np.array([position[0] for position in positions])
+        self.north_m = np.array([position[1] for position in positions])
+        self._heading_deg = np.degrees(np.unwrap(np.radians(heading_true_deg)))
+        self.heading_true_deg = heading_true_deg
+
+    @property
+    def t_s(self) -> Array:
+        """Seconds since the reference's first row, (n,)."""
+        return self._t_s
+
+    def at(self, t_ns: int) -> tuple[float, float, float] | None:
+        """(east_m, north_m, heading_deg unwrapped) at boat time `t_ns`, or None outside the reference."""
+        t_s = (t_ns - self.start_ns) / NS_PER_S
+        if not 0.0 <= t_s <= self._t_s[-1]:
+            return None
+        columns = (self.east_m, self.north_m, self._heading_deg)
+        east, north, heading = (float(np.interp(t_s, self._t_s, column)) for column in columns)
+        return east, north, heading
+
+
+def read_reference(path: Path, first_t_ns: int) -> Reference:
+    """Read a reference file; without a `t_ns` column its t_s = 0 is `first_t_ns`. Raises WayfixError."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        for name in REQUIRED_COLUMNS:
+            if not rows or name not in rows[0]:
+                raise WayfixError(f"has no column {name}", str(path), f"give CSV with {','.join(REQUIRED_COLUMNS)}[,t_ns]")
+        columns = {name: np.array([float(row[name]) for row in rows]) for name in REQUIRED_COLUMNS}
+        if rows[0].get("t_ns"):
+            t_ns = np.array([float(int(row["t_ns"])) for row in rows])
+        else:
+            t_ns = first_t_ns + columns["t_s"] * NS_PER_S
+    except OSError as error:
+        raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give a readable reference file") from error
+    except (ValueError, TypeError) as error:
+        raise WayfixError(f"has a field that is no number ({error})", str(path), "correct the file") from error
+    return Reference(t_ns, columns["lat_deg"], columns["lon_deg"], columns["heading_true_deg"])
+
+
+@dataclass(slots=True)
+class Errors:
+    """Times and errors of one source."""
+
+    t_ns: list[int] = field(default_factory=list)
+    error: list[float] = field(default_factory=list)
+
+    def add(self, t_ns: int, error: float) -> None:
+        """One scored value."""
+        self.t_ns.append(t_ns)
+        self.error.append(error)
+
+    def rms(self, from_ns: float = 0.0) -> float | None:
+        """Root mean square from boat time `from_ns` on; None without values."""
+        values = [error for t_ns, error in zip(self.t_ns, self.error, strict=True) if t_ns >= from_ns]
+        return float(np.sqrt(np.mean(np.square(values)))) if values else None
+
+
+class Score:
+    """Collects errors of `gps`, `compass` and each filter."""
+
+    def __init__(self, reference: Reference, config: BoatConfig) -> None:
+        self.reference = reference
+        self.position: dict[str, Errors] = {"gps": Errors()}
+        self.heading: dict[str, Errors] = {"compass": Errors()}
+        self._variation_deg = config.boat.variation_deg or 0.0
+        self._deviation_deg = {sensor.id: sensor.deviation_deg for sensor in config.sensor}
+
+    def take_frame(self, frame: Frame) -> None:
+        """Raw fixes and headings of one frame."""
+        for fix in frame.fixes:
+            if fix.usable and fix.lat_deg is not None and fix.lon_deg is not None:
+                self._position("gps", fix.t_ns, fix.lat_deg, fix.lon_deg)
+        for reading in frame.headings:
+            true_deg = reading.heading_true_deg
+            if true_deg is None and reading.heading_mag_deg is not None:
+                variation_deg = self._variation_deg if reading.variation_deg is None else reading.variation_deg
+                true_deg = reading.heading_mag_deg + self._deviation_deg.get(reading.sensor, 0.0) + variation_deg
+            if true_deg is not None:
+                self._heading("compass", reading.t_ns, true_deg)
+
+    def take_estimate(self, record: dict[str, Any]) -> None:
+        """One logged estimate (see `Estimate.as_record`)."""
+        self._position(record["filter"], record["t_ns"], record["lat_deg"], record["lon_deg"])
+        self._heading(record["filter"], record["t_ns"], record["heading_true_deg"])
+
+    def summary(self) -> dict[str, dict[str, float | None]]:
+        """RMS tables: whole run and last quarter, rounded to 0.1 mm and 0.0001 deg."""
+        times = [t_ns for errors in self.position.values() for t_ns in errors.t_ns]
+        late_ns = min(times) + LATE_SHARE * (max(times) - min(times)) if times else 0.0
+        return {
+            "position_rms_m": _rounded(self.position, 0.0),
+            "heading_rms_deg": _rounded(self.heading, 0.0),
+            "position_rms_m_last_quarter": _rounded(self.position, late_ns),
+            "heading_rms_deg_last_quarter": _rounded(self.heading, late_ns),
+        }
+
+    def _position(self, name: str, t_ns: int, lat_deg: float, lon_deg: float) -> None:
+        truth = self.reference.at(t_ns)
+        if truth is not None:
+            east_m, north_m = self.reference.plane.to_east_north_m(lat_deg, lon_deg)
+            self.position.setdefault(name, Errors()).add(t_ns, float(np.hypot(east_m - truth[0], north_m - truth[1])))
+
+    def _heading(self, name: str, t_ns: int, heading_true_deg: float) -> None:
+        truth = self.reference.at(t_ns)
+        if truth is not None:
+            self.heading.setdefault(name, Errors()).add(t_ns, difference_deg(heading_true_deg, truth[2]))
+
+
+def _rounded(sources: dict[str, Errors], from_ns: float) -> dict[str, float | None]:
+    values = {name: errors.rms(from_ns) for name, errors in sources.items()}
+    return {name: None if value is None else round(value, 4) for name, value in values.items()}
+
+
+def score_of(reference: Path, config: BoatConfig, frames: list[Frame], estimates: list[dict[str, Any]]) -> Score:
+    """Score frames and estimate records against a reference file; raises WayfixError."""
+    score = Score(read_reference(reference, frames[0].t0_ns), config)
+    for frame in frames:
+        score.take_frame(frame)
+    for record in estimates:
+        score.take_estimate(record)
+    return score
+
+
+def score_table(summary: dict[str, Any]) -> str:
+    """The short table a person reads."""
+    columns = [summary[name + late] for name in ("position_rms_m", "heading_rms_deg") for late in ("", "_last_quarter")]
+    lines = [
+        f"{'':14}{'position RMS, m':>22}{'heading RMS, deg':>24}",
+        f"{'':14}{'whole':>11}{'last 1/4':>11}{'whole':>13}{'last 1/4':>11}",
+    ]
+    for name in dict.fromkeys(name for column in columns for name in column):
+        cells = [column.get(name) for column in columns]
+        texts = ["" if cell is None else f"{cell:.2f}" for cell in cells]
+        lines.append(f"{name:14}{texts[0]:>11}{texts[1]:>11}{texts[2]:>13}{texts[3]:>11}")
+    return "\n".join(lines)

@@ -1,0 +1,76 @@
+"""The one status line a second: every number with its age, source and quality; a stale one says so."""
+
+from collections.abc import Sequence
+
+from common.messages import Fix, Frame, Heading
+from common.sensors import BoatConfig, stale_after_s
+from common.units import NS_PER_S
+from shore.pipeline import Estimate
+
+_QUALITY = {0: "no fix", 1: "GPS", 2: "DGPS", 4: "RTK fixed", 5: "RTK float", 6: "estimated", 7: "manual", 8: "simulated"}
+
+
+class StatusLine:
+    """Remembers the newest of everything; `text` is pure."""
+
+    def __init__(self, config: BoatConfig, shown_filter: str) -> None:
+        self.t_ns = 0
+        """Boat time of the newest frame."""
+        self._config = config
+        self._filter = shown_filter
+        self._fix: Fix | None = None
+        self._heading: Heading | None = None
+        self._estimate: Estimate | None = None
+
+    def take(self, frame: Frame, estimates: Sequence[Estimate]) -> None:
+        """One frame and what the pipeline made of it."""
+        self.t_ns = max(self.t_ns, frame.t1_ns)
+        self._fix = frame.fixes[-1] if frame.fixes else self._fix
+        self._heading = frame.headings[-1] if frame.headings else self._heading
+        self._estimate = next((item for item in estimates if item.filter == self._filter), self._estimate)
+
+    def text(self, received: int, missing: int) -> str:
+        """The line."""
+        return " | ".join((self._estimate_text(), self._fix_text(), self._heading_text(), f"frames {received}, missing {missing}"))
+
+    def _estimate_text(self) -> str:
+        estimate = self._estimate
+        if estimate is None:
+            return f"{self._filter}: waiting"
+        return (
+            f"{self._filter} {position_text(estimate.lat_deg, estimate.lon_deg)} ±{estimate.sigma_position_m:.1f} m,"
+            f" heading {estimate.heading_true_deg:05.1f}° ±{estimate.sigma_heading_deg:.1f}°, {estimate.sog_kn:.1f} kn"
+        )
+
+    def _fix_text(self) -> str:
+        fix = self._fix
+        if fix is None:
+            return "no fix yet"
+        quality = _QUALITY.get(fix.fix_quality or 0, "fix") if fix.usable else "not usable"
+        return f"{fix.sensor} {quality}, {self._age_text(fix.sensor, fix.t_ns)}"
+
+    def _heading_text(self) -> str:
+        heading = self._heading
+        if heading is None:
+            return "no heading yet"
+        value, kind = heading.heading_true_deg, "true"
+        if value is None:
+            value, kind = heading.heading_mag_deg, "magnetic"
+        return f"{heading.sensor} {value:05.1f}° {kind}, {self._age_text(heading.sensor, heading.t_ns)}"
+
+    def _age_text(self, sensor: str, t_ns: int) -> str:
+        age_s = (self.t_ns - t_ns) / NS_PER_S
+        table = next((item for item in self._config.sensor if item.id == sensor), None)
+        stale = table is not None and age_s > stale_after_s(table.role, table.rate_hz)
+        return f"STALE, {age_s:.0f} s old" if stale else f"{age_s:.1f} s old"
+
+
+def position_text(lat_deg: float, lon_deg: float) -> str:
+    """50° 45.612' N 001° 17.402' W: degrees and minutes, as on a chart."""
+    return f"{_angle_text(abs(lat_deg), 2)} {'NS'[lat_deg < 0]} {_angle_text(abs(lon_deg), 3)} {'EW'[lon_deg < 0]}"
+
+
+def _angle_text(angle_deg: float, digits: int) -> str:
+    # Rounded as thousandths of a minute first, so that 59.9996' becomes the next degree and never 60.000'.
+    degrees, thousandths = divmod(round(angle_deg * 60_000), 60_000)
+    return f"{degrees:0{digits}d}° {thousandths / 1000:06.3f}'"
