@@ -102,7 +102,7 @@ class GpsDriver:
         epoch, self._open = self._open, None
         if epoch is None:
             return ()
-        self._closed = epoch
+        self._closed = epoch if epoch.has_fix else None
         if not epoch.has_fix:
             return ()
         held = self._watch.held(epoch.position, epoch.tod_ms, epoch.speed_and_course[0])
