@@ -78,6 +78,7 @@ class PortChain:
         self._splitter = LineSplitter()
         self._budget = ByteBudget(byte_budget(table, daemon.config))
         self._flood_ns: int | None = None
+        self._state = "new"
         self.port = Port(table, daemon.clock, self.chunk, self.changed)
 
     def chunk(self, data: bytes, t_ns: int) -> None:
@@ -98,16 +99,17 @@ class PortChain:
             self._mark_flood(False, now_ns)
 
     def changed(self, reason: str | None) -> None:
-        """The port opened (None) or was lost."""
+        """The port opened (None) or was lost. One event for each loss and each return, whatever is tried in between."""
         now_ns = self._daemon.clock.now_ns()
         name = self.table.name
         if reason is None:
             self._splitter.reset()
             self._daemon.happened(event("port-opened", now_ns, name, port=name, path=self.table.path))
-        else:
-            was_open = any(monitor.state(now_ns)[0] != "missing" for monitor in self.monitors)
-            code = "port-lost" if was_open else "port-missing"
-            self._daemon.happened(event(code, now_ns, name, port=name, reason=reason))
+        elif self._state == "open":
+            self._daemon.happened(event("port-lost", now_ns, name, port=name, reason=reason))
+        elif self._state == "new":
+            self._daemon.happened(event("port-missing", now_ns, name, port=name, reason=reason))
+        self._state = "open" if reason is None else "closed"
         for monitor in self.monitors:
             monitor.port_changed(reason, now_ns)
 

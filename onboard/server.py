@@ -28,6 +28,8 @@ MAX_CLIENTS: Final = 32
 QUEUE_BYTES: Final = 4 * 2**20
 """About half a minute of the heaviest load; the spool takes over in the link's next form."""
 SEND_HIGH_WATER_MARK: Final = 64
+SEND_BUFFER_BYTES: Final = 32_768
+"""Small, so that what waits for a slow client waits in our queue and not, unseen, in the kernel's."""
 LINGER_MS: Final = 500
 
 
@@ -75,6 +77,7 @@ class Server:
         self._socket = self._context.socket(zmq.ROUTER)
         self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
         self._socket.setsockopt(zmq.SNDHWM, SEND_HIGH_WATER_MARK)
+        self._socket.setsockopt(zmq.SNDBUF, SEND_BUFFER_BYTES)
         self._socket.setsockopt(zmq.MAXMSGSIZE, session.MAX_HEADER_BYTES)
         self._socket.setsockopt(zmq.HEARTBEAT_IVL, session.HEARTBEAT_MS)
         self._socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS)
@@ -230,11 +233,15 @@ class Server:
             client.queue.popleft()
             if len(parts) > 1:
                 client.queued_bytes -= len(parts[-1])
+        self._tell_dropped(client)
+        if client.ending:
+            self._forget(identity, "its session ended")
+
+    def _tell_dropped(self, client: Session) -> None:
+        """One event when the queue is empty again: how many frames a slow client missed."""
         if client.dropped:
             lost, client.dropped = client.dropped, 0
             self._on_event(event("frames-dropped", self._now_ns(), "link", count=lost, client=client.client))
-        if client.ending:
-            self._forget(identity, "its session ended")
 
     def _reply(self, identity: bytes, header: bytes) -> None:
         if self._send(identity, [header]) not in (None, zmq.EAGAIN):
@@ -249,6 +256,7 @@ class Server:
     def _forget(self, identity: bytes, reason: str) -> None:
         client = self._sessions.pop(identity, None)
         if client is not None:
+            self._tell_dropped(client)
             self._on_event(event("client-left", self._now_ns(), "link", client=client.client, reason=reason))
 
 

@@ -163,10 +163,13 @@ def _add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def _filters(text: str) -> tuple[str, ...]:
-    from shore.navigation.filters import check_names
+    """`a,b,c` -> names, checked before anything is started."""
+    from shore.navigation.filters import REGISTRY
 
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    check_names(names)
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in names or ("",):
+        if name not in REGISTRY:
+            raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
     return names
 
 

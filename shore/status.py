@@ -1,11 +1,12 @@
 """The one status line a second: every number with its age, source and quality; a stale one says so."""
 
 from collections.abc import Sequence
+from math import hypot
 
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig, stale_after_s
 from common.units import NS_PER_S
-from shore.pipeline import Estimate
+from shore.navigation.estimate import Estimate
 
 _QUALITY = {0: "no fix", 1: "GPS", 2: "DGPS", 4: "RTK fixed", 5: "RTK float", 6: "estimated", 7: "manual", 8: "simulated"}
 
@@ -38,7 +39,7 @@ class StatusLine:
         if estimate is None:
             return f"{self._filter}: waiting"
         return (
-            f"{self._filter} {position_text(estimate.lat_deg, estimate.lon_deg)} ±{estimate.sigma_position_m:.1f} m,"
+            f"{self._filter} {position_text(estimate.lat_deg, estimate.lon_deg)} ±{hypot(estimate.sigma_east_m, estimate.sigma_north_m):.1f} m,"
             f" heading {estimate.heading_true_deg:05.1f}° ±{estimate.sigma_heading_deg:.1f}°, {estimate.sog_kn:.1f} kn"
         )
 

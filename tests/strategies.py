@@ -44,7 +44,13 @@ def texts(most: int = 20) -> st.SearchStrategy[str]:
     return st.text(characters, max_size=min(most, 20))
 
 
-plain_values = st.none() | texts() | st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
+plain_values = (
+    st.none()
+    | texts()
+    | st.booleans()
+    | st.integers(-(2**63), 2**63 - 1)
+    | st.floats(allow_nan=False, allow_infinity=False)
+)
 
 
 def values(hint: Any) -> st.SearchStrategy[Any]:
@@ -114,3 +120,32 @@ def frame_of(*entries: Any, **fields: Any) -> Frame:
         lists[name] = (*lists.get(name, ()), entry)
     base = {"boat_id": "b", "boot_id": "0123456789abcdef", "seq": 1, "clock_id": "c", "start_no": 1}
     return Frame(**{**base, "t0_ns": 1_000_000_000, "t1_ns": 1_100_000_000, **lists, **fields})
+
+
+FIX = Fix(sensor="gps1", t_ns=1_000_000_000, lat_deg=50.0, lon_deg=-4.0)
+BLOCK = ImuBlock(
+    sensor="imu1", t_ns=1_000_000_000, offset_us=(0, 50_000), accel_fwd_m_s2=(0.5, 0.25),
+    accel_stb_m_s2=(0.0, -0.5), yaw_rate_deg_s=(1.0, 2.0),
+)  # fmt: skip
+
+
+def required(field: "dataclasses.Field[Any]") -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def default(field: "dataclasses.Field[Any]") -> Any:
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
+
+
+def wire_key(name: str) -> str:
+    return {"t_ns": "dt_us", "last_good_t_ns": "last_good_dt_us"}.get(name, name)
+
+
+def sample(cls: Any) -> Any:
+    """One valid message with nothing but its required fields."""
+    texts = {"sensor": "s1", "source": "s1", "state": "silent", "level": "info", "code": "c", "text": "t"}
+    numbers = {"t_ns": 1_000_000_000, "utc_ns": 5, "number": 7, "rate_deg_s": 1.0}
+    pool = {**texts, **numbers}
+    if cls is ImuBlock:
+        return BLOCK
+    return cls(**{f.name: pool.get(f.name, "x") for f in dataclasses.fields(cls) if required(f)})

@@ -1,4 +1,4 @@
-"""The mapping file of a column recording: which column is what (deploy/examples/blueboat-map.toml explains the keys)."""
+"""The mapping file of a column recording: which column is what (deploy/examples/blueboat-map.toml explains them)."""
 
 from dataclasses import dataclass, field
 from typing import Annotated

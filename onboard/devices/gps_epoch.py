@@ -16,7 +16,9 @@ SAME_TIME_NS: Final = 500 * NS_PER_MS
 COURSE_ABOVE_KN: Final = 1.0
 """Below it receivers freeze or invent the course."""
 HELD_STEPS: Final = 2.0
+"""Steps of the last latitude digit, see `RepeatWatch`."""
 HELD_WITHOUT_SPEED_MS: Final = 10_000
+FINE_STEP_M: Final = 0.5
 
 _FIRST_DAY: Final = date(1970, 1, 1)
 _QUALITY_OF_MODE: Final = {"E": 6, "M": 7, "S": 8}
@@ -73,10 +75,10 @@ class Epoch:
     @property
     def position(self) -> Position | None:
         """GGA with a quality above 0, else RMC, else GLL; an invalid epoch's filling of zeros is no position."""
-        if self.gga is not None and self.gga.quality and self.gga.position is not None:
+        if self.gga is not None and self.gga.position is not None:
             return self.gga.position
         for reading in (self.rmc, self.gll):
-            if reading is None or reading.position is None or reading.status_valid is None or reading.mode == "N":
+            if reading is None or reading.position is None or reading.status_valid is None:
                 continue
             filling = reading.position.lat_deg == 0.0 and reading.position.lon_deg == 0.0
             if reading.status_valid or not (filling or self._quality_none):
@@ -153,7 +155,8 @@ class RepeatWatch:
     (2) while the receiver's own SOG, at least 1 kn, has carried the boat more than two steps of the last digit since
     the text first came (one and a half are enough to change latitude or longitude on any course; the rest allows for
     an error of SOG);
-    (3) where no SOG is sent, for 10 s on end, which the noise of a receiver that computes anew does not do.
+    (3) where no SOG is sent and a step is below 0.5 m, for 10 s on end: the noise of a receiver that computes anew
+    would have moved it.
     A repeat with SOG below 1 kn is not held.
     """
 
@@ -178,7 +181,7 @@ class RepeatWatch:
         if step_ms == 0:
             return True
         if sog_kn is None:
-            return self._stood_ms >= HELD_WITHOUT_SPEED_MS
+            return self._stood_ms >= HELD_WITHOUT_SPEED_MS and position.step_m < FINE_STEP_M
         if sog_kn < COURSE_ABOVE_KN:
             self._travelled_m = 0.0
             return False

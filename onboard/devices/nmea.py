@@ -24,7 +24,7 @@ RMC_MODES: Final = "ADEFMNPRS"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gga:
-    """Position and quality."""
+    """Position and quality; no position under quality 0 or an empty quality."""
 
     tod_ms: int | None
     position: Position | None
@@ -108,10 +108,12 @@ Text = Callable[[str], str]
 
 def _gga(text: Text) -> Gga:
     alt_m = fields.number(text("altitude"), -12_000.0, 100_000.0)
+    quality = fields.whole_number(text("gps_qual"), 0, 9)
     return Gga(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
-        position=_position(text),
-        quality=fields.whole_number(text("gps_qual"), 0, 9),
+        # Without a fix some receivers fill the place in: MTK sends 8960.0000,N.
+        position=_position(text) if quality else None,
+        quality=quality,
         satellites=fields.whole_number(text("num_sats"), 0, 200),
         hdop=fields.dilution(text("horizontal_dil")),
         alt_m=fields.unit(alt_m, text("altitude_units"), "M"),
@@ -119,14 +121,15 @@ def _gga(text: Text) -> Gga:
 
 
 def _rmc(text: Text) -> Rmc:
+    mode = fields.letter(text("mode_indicator"), RMC_MODES, "status")
     return Rmc(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
         status_valid=_status(text),
-        position=_position(text),
+        position=None if mode == "N" else _position(text),
         sog_kn=fields.number(text("spd_over_grnd"), 0.0, 1000.0),
         cog_true_deg=fields.direction(text("true_course")),
         date=fields.short_date(text("datestamp")),
-        mode=fields.letter(text("mode_indicator"), RMC_MODES, "status"),
+        mode=mode,
     )
 
 
@@ -148,11 +151,12 @@ def _gsa(text: Text) -> Gsa:
 
 
 def _gll(text: Text) -> Gll:
+    mode = fields.letter(text("faa_mode"), RMC_MODES, "status")
     return Gll(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
         status_valid=_status(text),
-        position=_position(text),
-        mode=fields.letter(text("faa_mode"), RMC_MODES, "status"),
+        position=None if mode == "N" else _position(text),
+        mode=mode,
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from common.clock import BoatClock
 from common.simulation.readings import Timed
-from common.units import NS_PER_MS, NS_PER_S
+from common.units import NS_PER_MS, NS_PER_US
 from onboard.virtual.encoders import BoatEncoders
 from onboard.virtual.pacing import Chunk, SerialLine, paced, portion_bytes
 from onboard.virtual.terminal import Terminal
@@ -114,7 +114,7 @@ class VirtualBoat:
     def close(self) -> None:
         """Unplug everything and remove the names."""
         for terminal in self.terminals.values():
-            terminal.close()
+            terminal.unplug()
 
 
 def lines_of(
@@ -124,7 +124,7 @@ def lines_of(
     for timed in readings:
         if timed.sensor != plan.sensor:
             continue
-        t_ns = start_ns + round(timed.t_s * 1e6) * (NS_PER_S // 1_000_000)
+        t_ns = start_ns + round(timed.t_s * 1e6) * NS_PER_US
         encoded = encoders.encode(timed.t_s, timed.reading)
         record = {"sensor": timed.sensor, "t_ns": t_ns, "kind": encoded.kind, **encoded.values}
         yield SerialLine(t_ns + plan.latency_ms * NS_PER_MS, encoded.data, record)

@@ -50,17 +50,17 @@ def run(args: argparse.Namespace) -> int:
         raise WayfixError("numpy is missing", "wayfix-onboard virtual", "pip install 'wayfix[shore]'") from error
     if args.list:
         return _list()
-    voyage = _voyage(args)
-    if args.clock_rate <= 0:
-        raise WayfixError(f"must be > 0, got {args.clock_rate:g}", "--clock-rate")
-    clock = BoatClock(args.clock_rate, args.clock_start)
-    directory = _directory(args.dir)
-    boat = VirtualBoat(directory, clock)
-    try:
-        with Console(watch_stdin=args.hold or args.until_stdin_closes) as console:
+    for option, value in (("--clock-rate", args.clock_rate), ("--seconds", args.seconds)):
+        if value is not None and not value > 0:
+            raise WayfixError(f"must be > 0, got {value:g}", option)
+    with Console(watch_stdin=args.hold or args.until_stdin_closes) as console:
+        voyage = _voyage(args)
+        directory = _directory(args.dir)
+        boat = VirtualBoat(directory, BoatClock(args.clock_rate, args.clock_start))
+        try:
             _play(args, voyage, boat, directory, console)
-    finally:
-        boat.close()
+        finally:
+            boat.close()
     return 0
 
 
@@ -77,8 +77,6 @@ def _voyage(args: argparse.Namespace) -> "Voyage":
     from common.simulation.recording import recording_voyage
     from common.simulation.scenarios import scenario_voyage
 
-    if args.seconds is not None and not args.seconds > 0:
-        raise WayfixError(f"must be > 0, got {args.seconds:g}", "--seconds")
     if args.recording is None:
         if args.map is not None:
             raise WayfixError("belongs to a recording", "--map", "add --recording CSV")

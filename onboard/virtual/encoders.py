@@ -54,7 +54,7 @@ def _angle(angle_deg: float, degree_digits: int, decimals: int, letters: str) ->
 
 @dataclass(frozen=True, slots=True)
 class GpsEncoder:
-    """GGA + GSA + RMC once an epoch, like a BU-353. Quality is 1 (GPS), not 8 (simulator), which no filter would take."""
+    """GGA + GSA + RMC once an epoch, like a BU-353. Quality is 1 (GPS): no filter would take 8 (simulator)."""
 
     utc_start_ns: int
     """UTC of t = 0, whole milliseconds."""

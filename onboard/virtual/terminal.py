@@ -39,9 +39,11 @@ class Terminal:
         fresh.replace(self.link)
 
     def unplug(self) -> None:
-        """Pull the adapter: a reader sees an end of file or EIO; the name stays and leads nowhere."""
+        """Pull the adapter: a reader sees an end of file or EIO, and the name is gone."""
         if self._master is None:
             return
+        # The name goes first: the next pseudo-terminal of anybody may get the number it leads to.
+        self.link.unlink(missing_ok=True)
         os.close(self._keeper)
         os.close(self._master)
         self._master = None
@@ -53,8 +55,3 @@ class Terminal:
         with contextlib.suppress(BlockingIOError):
             return os.write(self._master, data)
         return 0
-
-    def close(self) -> None:
-        """Unplug for good and remove the name."""
-        self.unplug()
-        self.link.unlink(missing_ok=True)

@@ -107,15 +107,9 @@ class LogReader:
         """Events of both sides."""
         return (record.json() for record in self.records(EVENTS))
 
-    def sessions(self) -> Iterator[dict[str, Any]]:
-        """All session records: start, operator actions, end."""
+    def session(self) -> Iterator[dict[str, Any]]:
+        """Session records: `kind` start (configuration, versions, filters, options), operator actions, end."""
         return (record.json() for record in self.records(SESSION))
-
-    def session(self) -> dict[str, Any]:
-        """The first session record: configuration, versions, options; raises WayfixError when there is none."""
-        for record in self.sessions():
-            return record
-        raise WayfixError("the log has no session record", str(self.path), "it was cut before its first second")
 
 
 def read_log(path: str | Path) -> LogReader:

@@ -14,6 +14,7 @@ LINK: Final = "/link"
 
 _TIME: Final = {"type": "integer", "description": "nanoseconds on the boat clock"}
 _NUMBER: Final = {"type": ["number", "null"]}
+_NUMBERS: Final = {"type": "array", "items": _NUMBER}
 
 _SCHEMAS: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
     ESTIMATES: (
@@ -21,9 +22,24 @@ _SCHEMAS: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
         {
             "filter": {"type": "string"},
             "t_ns": _TIME,
+            "boot_id": {"type": "string", "description": "with seq: the frame that caused it"},
+            "seq": {"type": "integer"},
+            "names": {"type": "array", "items": {"type": "string"}, "description": "of state, with units"},
+            "state": _NUMBERS,
+            "covariance": {**_NUMBERS, "description": "upper triangle, row by row, in the units of names"},
+            "origin_lat_deg": _NUMBER,
+            "origin_lon_deg": _NUMBER,
             "lat_deg": _NUMBER,
             "lon_deg": _NUMBER,
-            "heading_true_deg": _NUMBER,
+            "heading_true_deg": {**_NUMBER, "description": "clockwise from true north, [0, 360)"},
+            "sog_kn": _NUMBER,
+            "cog_true_deg": {**_NUMBER, "description": "null while the speed is below its own sigma"},
+            "sigma_east_m": {**_NUMBER, "description": "1-sigma"},
+            "sigma_north_m": {**_NUMBER, "description": "1-sigma"},
+            "sigma_heading_deg": {**_NUMBER, "description": "1-sigma"},
+            "aligned": {"type": "boolean"},
+            "repairs": {"type": "integer"},
+            "channels": {"type": "object", "description": "sensor.channel -> sigma, dom_ratio, nis"},
         },
         ("filter", "t_ns"),
     ),

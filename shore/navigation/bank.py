@@ -1,4 +1,4 @@
-"""Several filters carried side by side from one moment to the next; everything they need to go back is in a `Moment`."""
+"""Several filters carried side by side from one moment to the next; all they need to go back is in a `Moment`."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,6 +1,5 @@
 """The first state of a filter, from the first position and heading."""
 
-import math
 from typing import Final
 
 import numpy as np

@@ -58,7 +58,7 @@ FREE_NOISE: Final = ProcessNoise(FREE_ACCEL_DENSITY, FREE_ACCEL_DENSITY, math.ra
 
 
 def wrapped(angle_rad: float) -> float:
-    """The same direction in (-pi, pi]; NaN for infinity, so that a filter's guard reports it instead of an exception."""
+    """The same direction in (-pi, pi]; NaN for infinity, so that a filter's guard reports it without an exception."""
     return wrap_rad(angle_rad) if math.isfinite(angle_rad) else math.nan
 
 

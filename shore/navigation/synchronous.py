@@ -1,10 +1,11 @@
 """The thesis' way of fusing (Fig. 3.14): one record px, py, ax, ay, omega, psi for each step, times inside it ignored.
 
-A step closes when a frame reaches its end. It takes the mean of the IMU over the step, the newest fix if there is one that
-no step has used, and the newest heading likewise.
+A step closes when a frame reaches its end. It takes the mean of the IMU over the step, the newest fix if there is one
+that no step has used, and the newest heading likewise.
 """
 
 import math
+from collections import Counter
 
 from common.units import NS_PER_S
 from shore.navigation.bank import Bank, Batch, Measurement, Moment
@@ -23,6 +24,8 @@ class Synchronous:
         self._end_ns: int | None = None
         self._moment = bank.at_rest()
         self._waiting: list[Measurement] = []
+        self.late: Counter[str] = Counter()
+        """Always empty: a step takes what has arrived, whatever its age."""
         self._used_ns = {Position: -math.inf, TrueHeading: -math.inf}
 
     def push(self, batch: Batch) -> list[Moment]:

@@ -1,8 +1,8 @@
-"""Every measurement at its own time: late data rewind the filters, so that the result depends on what was measured only.
+"""Every measurement at its own time: late data rewind the filters; the result depends only on what was measured.
 
-All measurements of the last 5 s stay in order of time with the filters' memory after each. What arrives late is put in its
-place and everything after it is run again. The order is (t_ns, kind, sensor, arrival); the end of each IMU block is an
-event of its own, so that a rewind is short even when nothing but the IMU delivers.
+All measurements of the last 5 s stay in order of time with the filters' memory after each. What arrives late is put in
+its place and everything after it is run again. The order is (t_ns, kind, sensor, arrival); the end of each IMU block is
+an event of its own, so that a rewind is short even when nothing but the IMU delivers.
 """
 
 from bisect import bisect_left, bisect_right, insort

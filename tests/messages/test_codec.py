@@ -1,8 +1,6 @@
-"""What the codec promises: equal round trips, old and new sides understand each other, faults are named, nothing leaks."""
+"""What the codec promises: equal round trips, old and new sides understand each other, faults are named."""
 
 import dataclasses
-import random
-import tracemalloc
 import typing
 from typing import Any
 
@@ -13,15 +11,21 @@ from hypothesis import strategies as st
 
 from common.codec import MAX_FRAME_BYTES, decode_frame, encode_frame
 from common.errors import CodecError
-from common.messages import SCHEMA_VERSION, Event, Fix, Frame, Heading, ImuBlock, RadarTarget, SensorHealth, TurnRate
+from common.messages import SCHEMA_VERSION, Event, Frame, Heading, RadarTarget, SensorHealth, TurnRate
 from common.ranges import MaxLength, OneOf, Range
-from tests.strategies import LIST_OF, MESSAGES, frame_of, frames, messages
-
-FIX = Fix(sensor="gps1", t_ns=1_000_000_000, lat_deg=50.0, lon_deg=-4.0)
-BLOCK = ImuBlock(
-    sensor="imu1", t_ns=1_000_000_000, offset_us=(0, 50_000), accel_fwd_m_s2=(0.5, 0.25),
-    accel_stb_m_s2=(0.0, -0.5), yaw_rate_deg_s=(1.0, 2.0),
-)  # fmt: skip
+from tests.strategies import (
+    BLOCK,
+    FIX,
+    LIST_OF,
+    MESSAGES,
+    default,
+    frame_of,
+    frames,
+    messages,
+    required,
+    sample,
+    wire_key,
+)
 
 
 def raw(frame: Frame) -> dict[str, Any]:
@@ -131,34 +135,14 @@ def test_a_newer_schema_is_refused_with_a_sentence() -> None:
     assert "schema 2 is newer than this side's 1, install the same version" in fault_of({**raw(frame_of()), "v": 2})
 
 
-@pytest.mark.parametrize(("v", "text"), [(0, "v: must be >= 1"), ("1", "v: must be a whole number"), (True, "v: must be")])
+@pytest.mark.parametrize(
+    ("v", "text"), [(0, "v: must be >= 1"), ("1", "v: must be a whole number"), (True, "v: must be")]
+)
 def test_a_wrong_version_is_refused(v: Any, text: str) -> None:
     assert text in fault_of({**raw(frame_of()), "v": v})
 
 
 # --- faults are named ------------------------------------------------------------------------------------------------
-
-
-def required(field: "dataclasses.Field[Any]") -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-
-
-def default(field: "dataclasses.Field[Any]") -> Any:
-    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
-
-
-def wire_key(name: str) -> str:
-    return {"t_ns": "dt_us", "last_good_t_ns": "last_good_dt_us"}.get(name, name)
-
-
-def sample(cls: Any) -> Any:
-    """One valid message with nothing but its required fields."""
-    texts = {"sensor": "s1", "source": "s1", "state": "silent", "level": "info", "code": "c", "text": "t"}
-    numbers = {"t_ns": 1_000_000_000, "utc_ns": 5, "number": 7, "rate_deg_s": 1.0}
-    pool = {**texts, **numbers}
-    if cls is ImuBlock:
-        return BLOCK
-    return cls(**{f.name: pool.get(f.name, "x") for f in dataclasses.fields(cls) if required(f)})
 
 
 REQUIRED = [(cls, f.name) for cls in MESSAGES for f in dataclasses.fields(cls) if required(f)]
@@ -295,7 +279,7 @@ def test_a_broken_column_is_named(change: dict[str, Any], text: str) -> None:
         frame_of(dataclasses.replace(BLOCK, offset_us=(False, True))),
         frame_of(dataclasses.replace(BLOCK, yaw_rate_deg_s=(0.0, 1e39))),
         frame_of(dataclasses.replace(BLOCK, yaw_rate_deg_s=(0.0, float("nan")))),
-        frame_of(dataclasses.replace(BLOCK, yaw_rate_deg_s=(0.0, "1"))),
+        frame_of(dataclasses.replace(BLOCK, yaw_rate_deg_s=(0.0, "1"))),  # type: ignore[arg-type]
         frame_of(boat_id="\ud800"),
         frame_of(Event(t_ns=0, source="s", code="c", level="info", text="t", evidence={"a": object()})),  # type: ignore[dict-item]
         "no frame",
@@ -318,82 +302,3 @@ def test_a_frame_over_the_limit_is_refused_on_both_sides() -> None:
         encode_frame(frame_of(*big, *(Heading(sensor="c", t_ns=0, heading_mag_deg=1.5) for _ in range(8192))))
     with pytest.raises(CodecError, match="over the limit"):
         decode_frame(bytes(MAX_FRAME_BYTES + 1))
-
-
-# --- any bytes -------------------------------------------------------------------------------------------------------
-
-
-def decode_or_refuse(data: bytes) -> bool:
-    """True when `data` was a valid frame; a decoded frame must be one that can be encoded again."""
-    try:
-        frame = decode_frame(data)
-    except CodecError:
-        return False
-    assert decode_frame(encode_frame(frame)) == frame
-    return True
-
-
-def seed_frame() -> bytes:
-    everything = [sample(cls) for cls in MESSAGES]
-    return encode_frame(frame_of(FIX, BLOCK, *everything, utc_ns=1, utc_src="gnss"))
-
-
-def mutate(data: bytes, rng: random.Random) -> bytes:
-    mutated = bytearray(data)
-    for _ in range(rng.randint(1, 6)):
-        at = rng.randrange(len(mutated))
-        action = rng.randrange(4)
-        if action == 0:
-            mutated[at] = rng.randrange(256)
-        elif action == 1:
-            mutated[at] ^= 1 << rng.randrange(8)
-        elif action == 2:
-            del mutated[at : at + rng.randint(1, 8)]
-        else:
-            mutated[at:at] = rng.randbytes(rng.randint(1, 8))
-        if not mutated:
-            break
-    return bytes(mutated)
-
-
-def test_5000_random_and_mutated_byte_strings_raise_nothing_but_codec_errors() -> None:
-    rng = random.Random(1)
-    seed = seed_frame()
-    accepted = 0
-    tracemalloc.start()
-    for _ in range(2500):
-        decode_or_refuse(rng.randbytes(rng.randint(0, 400)))
-        accepted += decode_or_refuse(mutate(seed, rng))
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert 0 < accepted < 2500  # some mutations hit text or numbers only, most are noticed
-    assert peak < 16_000_000
-
-
-def test_every_cut_of_a_frame_is_refused() -> None:
-    seed = seed_frame()
-    assert decode_or_refuse(seed)
-    assert not any(decode_or_refuse(seed[:length]) for length in range(len(seed)))
-    assert not decode_or_refuse(seed + b"\x00")
-
-
-@pytest.mark.parametrize(
-    "bomb",
-    [
-        b"\x91" * 100_000,
-        b"\xdc\x20\x00" * 300_000,
-        b"\xdd\xff\xff\xff\xff" * 1000,
-        b"\xdf\xff\xff\xff\xff" * 1000,
-        b"\xdb\xff\xff\xff\xff" * 1000,
-        b"\xc9\xff\xff\xff\xff\x01",
-        b"\x81\xa1v\xc7\x08\xff" + bytes(8),
-        b"",
-        b"\xc1",
-    ],
-)
-def test_bombs_are_refused_within_bounded_memory(bomb: bytes) -> None:
-    tracemalloc.start()
-    assert not decode_or_refuse(bomb)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 80_000_000

@@ -1,0 +1,113 @@
+"""What a filter says, for people, logs and pages: degrees, knots, 1-sigma; plain numbers, never NaN."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from common.angles import heading_deg
+from common.geodesy import LocalPlane
+from common.messages import Frame
+from common.units import M_S_PER_KN
+from shore.navigation.filters import FilterState
+from shore.navigation.models import EAST, HEADING, NORTH, STATE_NAMES, STATE_SIZE, V_EAST, V_NORTH
+
+ALIGNED_DEG: Final = 10.0
+"""Below this sigma the heading counts as known."""
+
+_UPPER: Final = np.triu_indices(STATE_SIZE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelReport:
+    """How one channel of a sensor fits the filter. Heading and course in deg, the others in m."""
+
+    sigma: float
+    """Square root of R in use."""
+    dom_ratio: float | None
+    """Degree of matching; `None` = the filter does not adapt, or has not yet."""
+    nis: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One filter's answer for the end of one frame."""
+
+    t_ns: int
+    boot_id: str
+    seq: int
+    """Frame that caused it."""
+    filter: str
+    names: tuple[str, ...]
+    state: tuple[float, ...]
+    """In the units of `names`, on the local plane."""
+    covariance: tuple[float, ...]
+    """Upper triangle of P, row by row, in the same units."""
+    origin_lat_deg: float
+    origin_lon_deg: float
+    lat_deg: float
+    lon_deg: float
+    heading_true_deg: float
+    sog_kn: float
+    cog_true_deg: float | None
+    """`None` while the speed is below its own sigma."""
+    sigma_east_m: float
+    sigma_north_m: float
+    sigma_heading_deg: float
+    aligned: bool
+    """The heading's sigma is below 10 deg."""
+    repairs: int
+    """Times P needed jitter since the start."""
+    channels: dict[str, ChannelReport]
+
+    def as_record(self) -> dict[str, Any]:
+        """A plain dict for JSON."""
+        record = asdict(self)
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in record.items()}
+
+
+def estimate_of(state: FilterState, name: str, t_ns: int, frame: Frame, plane: LocalPlane) -> Estimate | None:
+    """The estimate of filter `name` at `t_ns`; `None` when the state is no place on earth."""
+    values: list[float] = state.x.tolist()
+    lat_deg, lon_deg = plane.to_lat_lon_deg(values[EAST], values[NORTH])
+    sigmas = [math.sqrt(variance) for variance in state.P.diagonal().tolist()]
+    if not all(map(math.isfinite, (*values, *sigmas, lat_deg, lon_deg))):
+        return None
+    v_east, v_north = values[V_EAST], values[V_NORTH]
+    speed_m_s = math.hypot(v_east, v_north)
+    is_moving = speed_m_s > max(sigmas[V_EAST], sigmas[V_NORTH])
+    sigma_heading_deg = math.degrees(sigmas[HEADING])
+    return Estimate(
+        t_ns=t_ns,
+        boot_id=frame.boot_id,
+        seq=frame.seq,
+        filter=name,
+        names=STATE_NAMES,
+        state=tuple(values),
+        covariance=tuple(state.P[_UPPER].tolist()),
+        origin_lat_deg=plane.origin_lat_deg,
+        origin_lon_deg=plane.origin_lon_deg,
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        heading_true_deg=heading_deg(values[HEADING]),
+        sog_kn=speed_m_s / M_S_PER_KN,
+        cog_true_deg=heading_deg(math.atan2(v_east, v_north)) if is_moving else None,
+        sigma_east_m=sigmas[EAST],
+        sigma_north_m=sigmas[NORTH],
+        sigma_heading_deg=sigma_heading_deg,
+        aligned=sigma_heading_deg < ALIGNED_DEG,
+        repairs=state.repairs,
+        channels=_channels(state),
+    )
+
+
+def _channels(state: FilterState) -> dict[str, ChannelReport]:
+    reports = {}
+    for channel, noise in state.noise.items():
+        sigma = math.sqrt(noise.variance)
+        is_angle = channel.endswith((".heading", ".course"))
+        reports[channel] = ChannelReport(
+            sigma=math.degrees(sigma) if is_angle else sigma, dom_ratio=noise.dom_ratio, nis=noise.nis
+        )
+    return reports

@@ -1,0 +1,179 @@
+"""One path for live and replay: frames in, estimates and events out. No clock, no timer, no knowledge of which it is.
+
+The same frames in the same order give the same estimates, bit for bit.
+"""
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from common.errors import WayfixError
+from common.events import event
+from common.messages import Event, Frame
+from common.sensors import BoatConfig
+from common.units import NS_PER_S
+from shore.navigation.bank import Bank, Batch, Moment
+from shore.navigation.beginning import missing
+from shore.navigation.estimate import Estimate, estimate_of
+from shore.navigation.filters import build_filter, facts_of
+from shore.navigation.imu import ImuTrack
+from shore.navigation.measurements import Reader
+from shore.navigation.synchronous import Synchronous
+from shore.navigation.timeline import HORIZON_S, Timeline
+
+WAITING_AFTER_S: Final = 5.0
+LATE_REPORT_S: Final = 10.0
+"""Late measurements are summed up at most this often."""
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What one frame led to: one estimate for each filter that runs, when the frame is the newest."""
+
+    estimates: tuple[Estimate, ...] = ()
+    events: tuple[Event, ...] = ()
+
+
+class SeenFrames:
+    """Which sequence numbers of one daemon start have arrived, as ranges [start, stop)."""
+
+    def __init__(self) -> None:
+        self._starts: list[int] = []
+        self._stops: list[int] = []
+
+    def add(self, first: int, last: int) -> bool:
+        """Take in first..last; False when all of them were known."""
+        index = bisect_right(self._starts, first)
+        if index and self._stops[index - 1] > last:
+            return False
+        low = index - 1 if index and self._stops[index - 1] >= first else index
+        high = bisect_right(self._starts, last + 1)
+        start = min([first, *self._starts[low:high]])
+        stop = max([last + 1, *self._stops[low:high]])
+        self._starts[low:high], self._stops[low:high] = [start], [stop]
+        return True
+
+
+class Pipeline:
+    """The filters of one boat; the first of `filters` drives targets and outputs.
+
+    `step_s` = fuse synchronously every so many seconds as in the thesis, instead of each measurement at its own time.
+    Raises: WayfixError for an unknown filter, none at all, or a step that is not positive.
+    """
+
+    def __init__(self, config: BoatConfig, filters: Sequence[str], step_s: float | None = None) -> None:
+        if not filters:
+            raise WayfixError("no filter named", "--filters", "name at least one, for example fuzzy")
+        if step_s is not None and not step_s > 0.0:
+            raise WayfixError(f"a step of {step_s} s is impossible", "step", "give a time above 0")
+        self._new_run: Callable[[], _Run] = partial(_Run, config, tuple(filters), step_s)
+        self._run = self._new_run()
+        self._clock: tuple[str, int] | None = None
+        """(clock_id, start_no) of the newest daemon start."""
+        self._seen: dict[str, SeenFrames] = {}
+        """By boot_id."""
+
+    def push(self, frame: Frame) -> Output:
+        """Take in one frame, in any order; known frames and frames of an older clock lead to nothing."""
+        clock_id, start_no = self._clock or (frame.clock_id, frame.start_no)
+        if frame.clock_id != clock_id:
+            if frame.start_no < start_no:
+                return Output()
+            self._run = self._new_run()
+            self._seen.clear()
+            self._run.tell("boat-restarted", frame.t0_ns, "filter")
+        self._clock = frame.clock_id, max(frame.start_no, start_no)
+        first = frame.seq if frame.first_seq is None else frame.first_seq
+        is_new = self._seen.setdefault(frame.boot_id, SeenFrames()).add(first, frame.seq)
+        return self._run.push(frame) if is_new else Output()
+
+
+class _Run:
+    """The filters over one clock of the board: its times are comparable."""
+
+    def __init__(self, config: BoatConfig, names: tuple[str, ...], step_s: float | None) -> None:
+        facts = facts_of(config)
+        imus = [sensor for sensor in config.with_role("imu") if sensor.use]
+        self._imu = ImuTrack(imus[0]) if imus else None
+        self._names = names
+        filters = [build_filter(name, facts) for name in names]
+        self._bank = Bank(filters, facts, has_compass=bool(config.with_role("compass")))
+        self._feeder: Timeline | Synchronous = (
+            Timeline(self._bank, self._imu) if step_s is None else Synchronous(self._bank, self._imu, step_s)
+        )
+        self._events: list[Event] = []
+        self._reader = Reader(config, self._events.append)
+        self._first_ns: int | None = None
+        self._newest_ns = 0
+        self._is_started = self._has_waited = False
+        self._resets_told: set[tuple[str, int]] = set()
+        self._late_told: dict[str, tuple[int, int]] = {}
+
+    def tell(self, code: str, t_ns: int, source: str, **evidence: str | float | bool | None) -> None:
+        """Add an event to the next output."""
+        self._events.append(event(code, t_ns, source, **evidence))
+
+    def push(self, frame: Frame) -> Output:
+        """Take in one new frame."""
+        if self._first_ns is None:
+            self._first_ns, self._newest_ns = frame.t0_ns, frame.t1_ns
+        self._newest_ns = max(self._newest_ns, frame.t1_ns)
+        moments = self._feeder.push(self._batch(frame))
+        estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
+        if estimates and not self._is_started:
+            self._is_started = True
+            lat_deg, lon_deg = round(estimates[0].lat_deg, 6), round(estimates[0].lon_deg, 6)
+            self.tell("filter-started", estimates[0].t_ns, "filter", lat_deg=lat_deg, lon_deg=lon_deg)
+        for moment in moments:
+            self._tell_waiting(moment, self._first_ns)
+        self._tell_resets()
+        self._tell_late()
+        told = tuple(self._events)
+        self._events.clear()
+        return Output(tuple(estimates), told)
+
+    def _batch(self, frame: Frame) -> Batch:
+        """The frame's measurements, converted; those of no use are left out."""
+        positions = (self._reader.position(fix) for fix in frame.fixes)
+        headings = (self._reader.true_heading(heading) for heading in frame.headings)
+        measurements = [measured for measured in (*positions, *headings) if measured is not None]
+        blocks = [block for block in frame.imu if self._imu is not None and block.sensor == self._imu.sensor_id]
+        return Batch(frame.t1_ns, frame.boot_id, tuple(measurements), tuple(blocks))
+
+    def _estimates(self, moment: Moment, frame: Frame) -> list[Estimate]:
+        plane = self._reader.plane
+        if plane is None:
+            return []
+        return [
+            estimate
+            for name, state in zip(self._names, moment.states, strict=True)
+            if state is not None and (estimate := estimate_of(state, name, moment.t_ns, frame, plane))
+        ]
+
+    def _tell_waiting(self, moment: Moment, first_ns: int) -> None:
+        """Once, when the start takes longer than 5 s."""
+        if self._is_started or self._has_waited or moment.t_ns - first_ns < WAITING_AFTER_S * NS_PER_S:
+            return
+        self._has_waited = True
+        words = missing(moment.position, moment.heading, self._bank.has_compass)
+        self.tell("filter-waiting", moment.t_ns, "filter", missing=words)
+
+    def _tell_resets(self) -> None:
+        """Each once, though a rewind may find it again."""
+        for name, t_ns in self._bank.resets:
+            if (name, t_ns) not in self._resets_told:
+                self._resets_told.add((name, t_ns))
+                self.tell("filter-reset", t_ns, "filter", filter=name)
+        self._bank.resets.clear()
+
+    def _tell_late(self) -> None:
+        """Summed up, so that a backfill after a cut of the link is a few events instead of thousands."""
+        now_ns = self._newest_ns
+        for sensor, count in self._feeder.late.items():
+            told, told_at_ns = self._late_told.get(sensor, (0, None))
+            if count == told or (told_at_ns is not None and now_ns - told_at_ns < LATE_REPORT_S * NS_PER_S):
+                continue
+            self._late_told[sensor] = (count, now_ns)
+            self.tell("late-dropped", now_ns, sensor, sensor=sensor, count=count - told, horizon_s=HORIZON_S)

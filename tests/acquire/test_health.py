@@ -1,0 +1,76 @@
+from common.messages import SensorHealth
+from common.sensors import SensorTable
+from common.units import NS_PER_S
+from onboard.health import SensorMonitor
+
+
+def monitor(role: str = "compass", **more: object) -> SensorMonitor:
+    return SensorMonitor(SensorTable(id=f"{role}1", port="p", role=role, **more), 0)  # type: ignore[arg-type]
+
+
+def report(watched: SensorMonitor, t_s: float) -> SensorHealth:
+    health, _ = watched.report(int(t_s * NS_PER_S))
+    assert health is not None
+    return health
+
+
+def test_missing_then_silent_then_delivering_then_silent_with_one_event_each() -> None:
+    watched = monitor()
+    assert report(watched, 0).state == "missing"
+    watched.port_changed(None, NS_PER_S)
+    assert report(watched, 1).state == "silent"
+    watched.accept(2 * NS_PER_S, 1)
+    health, happened = watched.report(2 * NS_PER_S)
+    assert health is not None
+    assert health.state == "delivering"
+    assert happened is not None
+    assert happened.code == "sensor-delivering"
+    codes = []
+    for k in range(30, 200):
+        _, happened = watched.report(k * NS_PER_S // 10)
+        codes += [happened.code] if happened else []
+    assert codes == ["sensor-silent"]
+
+
+def test_health_is_reported_once_a_second_and_on_every_change() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    reports = [watched.report(k * NS_PER_S // 10)[0] for k in range(30)]
+    assert sum(item is not None for item in reports) == 3
+    watched.accept(int(2.95 * NS_PER_S), 1)
+    assert watched.report(int(2.95 * NS_PER_S))[0] is not None
+
+
+def test_stale_after_follows_the_configured_rate() -> None:
+    slow = monitor(rate_hz=0.1)
+    slow.port_changed(None, 0)
+    slow.accept(0, 1)
+    assert slow.state(49 * NS_PER_S)[0] == "delivering"
+    assert slow.state(51 * NS_PER_S)[0] == "silent"
+
+
+def test_an_event_sensor_is_never_silent() -> None:
+    ais = monitor("ais")
+    ais.port_changed(None, 0)
+    assert ais.state(10_000 * NS_PER_S) == ("delivering", None)
+    assert not ais.overdue(10_000 * NS_PER_S)
+
+
+def test_bad_lines_are_counted_by_reason_and_named_while_nothing_is_readable() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    for reason in ("checksum", "checksum", "range"):
+        watched.reject(reason)
+    health = report(watched, 1)
+    assert health.rejected == {"checksum": 2, "range": 1}
+    assert health.reason == "nothing readable yet, 3 bad lines"
+
+
+def test_rate_is_of_measurements_not_of_lines() -> None:
+    watched = monitor("gps")
+    watched.port_changed(None, 0)
+    for k in range(30):  # three sentences a second, one fix a second
+        watched.accept(k * NS_PER_S // 3, 0)
+    for k in range(10):
+        watched.measured(k * NS_PER_S)
+    assert report(watched, 9.5).rate_hz == 1.0

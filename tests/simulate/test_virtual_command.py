@@ -1,0 +1,213 @@
+"""`wayfix-onboard virtual` as a process: what it says, what it leaves, how it stops."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.errors import WayfixError
+from common.sensors import BoatConfig
+from common.settings import read_toml
+from onboard.devices.base import Accepted, Line
+from onboard.devices.registry import make_driver
+from onboard.virtual import command
+
+ROOT = Path(__file__).parents[2]
+RUN = """
+import argparse, sys
+from onboard.virtual import command
+parser = argparse.ArgumentParser()
+command.add_arguments(parser)
+sys.exit(command.run(parser.parse_args()))
+"""
+FAST = ("--clock-rate", "16")
+
+
+@contextmanager
+def virtual(tmp_path: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN, "--dir", str(tmp_path), *options],
+        cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def said(process: subprocess.Popen[str], word: str) -> dict[str, Any]:
+    assert process.stdout
+    line = process.stdout.readline()
+    assert line, process.stderr and process.stderr.read()
+    content: dict[str, Any] = json.loads(line)[word]
+    return content
+
+
+def tell(process: subprocess.Popen[str], text: str) -> None:
+    assert process.stdin
+    process.stdin.write(text)
+    process.stdin.flush()
+
+
+class Reader(threading.Thread):
+    """Collects what a port says."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(daemon=True)
+        self.fd = os.open(path, os.O_RDONLY | os.O_NOCTTY)
+        assert not termios.tcgetattr(self.fd)[3] & (termios.ECHO | termios.ICANON)
+        self.data = b""
+        self.start()
+
+    def run(self) -> None:
+        try:
+            while data := os.read(self.fd, 4096):
+                self.data += data
+        except OSError:
+            pass
+
+
+def test_a_run_from_ready_to_done(tmp_path: Path) -> None:
+    with virtual(tmp_path, "--seconds", "8", "--hold", "--seed", "5", *FAST) as process:
+        ready = said(process, "ready")
+        readers = {name: Reader(path) for name, path in ready["ports"].items()}
+        assert not Path(ready["truth"]).exists()
+        tell(process, "go\n")
+        start_ns = said(process, "started")["t_ns"]
+        done = said(process, "done")
+        assert done == {"sent": {"gps1": 9, "compass1": 81, "imu1": 160}, "dropped_bytes": 0}
+        assert process.poll() is None
+        assert Path(ready["ports"]["gps"]).is_symlink()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(2.0) == 0
+    assert start_ns % 1_000_000 == 0
+    _check_truth(Path(ready["truth"]), start_ns)
+    _check_lines(Path(ready["config"]), Path(ready["sent"]), readers)
+
+
+def _check_truth(path: Path, start_ns: int) -> None:
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert ",".join(rows[0]) == "t_s,lat_deg,lon_deg,heading_true_deg,t_ns,east_m,north_m,v_east_m_s,v_north_m_s"
+    assert len(rows) == 81
+    assert [int(row["t_ns"]) for row in rows[:2]] == [start_ns, start_ns + 100_000_000]
+    assert float(rows[0]["heading_true_deg"]) == pytest.approx(210.0)
+
+
+def _check_lines(config_file: Path, sent_file: Path, readers: dict[str, Reader]) -> None:
+    """Every measurement that was noted as sent is found by the daemon's drivers under the emitted configuration."""
+    config = read_toml(config_file, BoatConfig)
+    sent = [json.loads(line) for line in sent_file.read_text().splitlines()]
+    for table in config.sensor:
+        driver = make_driver(table)
+        found: list[Any] = []
+        for data in readers[table.port].data.splitlines():
+            outcome = driver.feed(Line(0, data))
+            assert isinstance(outcome, Accepted), (data, outcome)
+            found += outcome.measurements
+        found += driver.flush(10**18)
+        mine = [record for record in sent if record["sensor"] == table.id]
+        kind = mine[0]["kind"]
+        got = [item for item in found if type(item).__name__ == kind]
+        assert len(got) == len(mine)
+        for record, item in zip(mine, got, strict=True):
+            for key in record.keys() - {"sensor", "t_ns", "kind"}:
+                assert getattr(item, key) == pytest.approx(record[key], abs=1e-9), key
+
+
+def test_every_key_of_the_configuration_is_written_out(tmp_path: Path) -> None:
+    with virtual(tmp_path, "--seconds", "1", "--bind", "tcp://127.0.0.1:9999", "--hold") as process:
+        config = read_toml(said(process, "ready")["config"], BoatConfig)
+    assert config.link.bind == "tcp://127.0.0.1:9999"
+    assert config.boat.variation_deg == -0.5
+    gps, compass, imu = config.sensor
+    assert (gps.sigma_m, gps.latency_ms, gps.rate_hz) == (6.5, 300.0, 1.0)
+    assert (compass.sigma_deg, compass.rate_hz) == (0.5, 10.0)
+    assert (imu.accel_density, imu.gyro_density_deg, imu.rate_hz) == (0.0039, 0.033, 20.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_signals_stop_it_at_once_with_exit_code_0(tmp_path: Path, number: signal.Signals) -> None:
+    with virtual(tmp_path) as process:
+        said(process, "ready")
+        said(process, "started")
+        began = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(2.0) == 0
+        assert time.monotonic() - began < 0.5
+        assert process.stderr
+        assert process.stderr.read() == ""
+    assert not (tmp_path / "gps").is_symlink()
+
+
+@pytest.mark.parametrize("options", [(), ("--hold",)])
+def test_the_end_of_stdin_stops_it(tmp_path: Path, options: tuple[str, ...]) -> None:
+    with virtual(tmp_path, "--until-stdin-closes", *options) as process:
+        said(process, "ready")
+        assert process.stdin
+        process.stdin.close()
+        assert process.wait(2.0) == 0
+        assert process.stderr
+        assert process.stderr.read() == "the parent is gone; the virtual boat stops\n"
+        process.stdin = None
+
+
+def test_faults_can_be_asked_for_on_stdin(tmp_path: Path) -> None:
+    with virtual(tmp_path, "--until-stdin-closes", *FAST) as process:
+        ports = said(process, "ready")["ports"]
+        said(process, "started")
+        tell(process, "unplug gps\nnonsense\n")
+        assert process.stderr
+        assert process.stderr.readline().startswith("not understood: 'nonsense'")
+        assert not Path(ports["gps"]).exists()
+        tell(process, "replug gps\nagain\n")
+        process.stderr.readline()
+        assert Path(ports["gps"]).exists()
+
+
+def test_exit_at_end_and_list(tmp_path: Path) -> None:
+    with virtual(tmp_path, "--seconds", "1", "--exit-at-end", *FAST) as process:
+        assert process.wait(5.0) == 0
+    with virtual(tmp_path, "--list") as process:
+        assert process.stdout
+        assert process.stdout.read().startswith("5.3  ")
+        assert process.wait(2.0) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--scenario", "9.9"], "no scenario '9.9'"),
+        (["--recording", "none.csv"], "add --map"),
+        (["--recording", "none.csv", "--map", "none.toml"], "none.toml: cannot be read"),
+        (["--map", "none.toml"], "belongs to a recording"),
+        (["--clock-rate", "0"], "--clock-rate: must be > 0"),
+        (["--seconds", "-1"], "--seconds: must be > 0"),
+    ],
+)
+def test_wrong_input_is_told_in_one_sentence(tmp_path: Path, options: list[str], words: str) -> None:
+    import argparse
+
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    with pytest.raises(WayfixError) as caught:
+        command.run(parser.parse_args(["--dir", str(tmp_path), *options]))
+    assert words in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_numpy_it_says_so_and_the_options_still_load() -> None:
+    code = RUN.replace("import argparse, sys", "import argparse, sys; sys.modules['numpy'] = None")
+    result = subprocess.run([sys.executable, "-c", code, "--list"], cwd=ROOT, capture_output=True, text=True)
+    assert "WayfixError: wayfix-onboard virtual: numpy is missing; pip install 'wayfix[shore]'" in result.stderr
