@@ -200,8 +200,6 @@ def list_converter(item: Convert, kind: "type[tuple[Any, ...] | list[Any]]") -> 
     return convert
 
 
-_INT64: Final = _int(())
-
 # --- columns and times ----------------------------------------------------------------------------------------------
 
 
@@ -250,12 +248,17 @@ def encode_time(t_ns: Any, t0_ns: int) -> int:
 
 def decode_time(dt_us: Any, t0_ns: int) -> int:
     """Signed microseconds since `t0_ns` -> `t_ns`."""
-    return whole_us_time(t0_ns + _INT64(dt_us, 0) * NS_PER_US, 0)
+    if type(dt_us) is not int:
+        raise wrong_type("a whole number", dt_us)
+    return whole_us_time(t0_ns + dt_us * NS_PER_US, 0)
 
 
 def whole_us_time(t_ns: Any, _t0_ns: int) -> int:
     """A time in ns that fits in 64 bits and is whole microseconds."""
-    checked: int = _INT64(t_ns, 0)
-    if checked % NS_PER_US:
-        raise Fault(f"must be whole microseconds, got {checked} ns")
-    return checked
+    if type(t_ns) is not int:
+        raise wrong_type("a whole number", t_ns)
+    if not _INT_LOW <= t_ns <= _INT_HIGH:
+        raise Fault("must fit in 64 bits")
+    if t_ns % NS_PER_US:
+        raise Fault(f"must be whole microseconds, got {t_ns} ns")
+    return t_ns

@@ -91,7 +91,7 @@ class PortChain:
 
     def flush(self, now_ns: int) -> None:
         """What is due without another line, and the end of a flood."""
-        for measurement in self.decoder.flush(now_ns):
+        for measurement in self.decoder.flush(self._splitter.complete_until(now_ns)):
             self._daemon.monitors[measurement.sensor].measured(now_ns)
             self._daemon.take(measurement)
         if self._flood_ns is not None and now_ns - self._flood_ns > NS_PER_S:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 LEAD_NS = NS_PER_S // 2
 """Boat time from the start signal to t = 0, so that everybody can be ready for the first byte."""
 
+LINGER_S = 0.2
+"""Before ports are closed at the end: hanging up throws away what the reader has not fetched yet."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
@@ -86,7 +89,7 @@ def _voyage(args: argparse.Namespace) -> "Voyage":
     voyage = recording_voyage(args.recording, args.map, args.seed, args.seconds)
     if voyage.skipped:
         what = ", ".join(f"{name} {count}" for name, count in voyage.skipped.items())
-        sys.stderr.write(f"rows left out because of empty fields: {what}\n")
+        sys.stderr.write(f"rows left out (a field is empty, or the time does not grow): {what}\n")
     return voyage
 
 
@@ -120,7 +123,10 @@ def _play(args: argparse.Namespace, voyage: "Voyage", boat: VirtualBoat, directo
         if not _send(boat, console, args):
             return
         _say({"done": {"sent": sent.counts, "dropped_bytes": boat.dropped_bytes}})
-        while not args.exit_at_end and not _told_to_go(console, args):
+        if args.exit_at_end:
+            console.wait(LINGER_S)
+            return
+        while not _told_to_go(console, args):
             _obey(boat, console.wait(None))
     finally:
         sent.close()

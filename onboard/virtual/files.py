@@ -10,12 +10,14 @@ import numpy as np
 from common.angles import wrap_deg
 from common.sensors import BoatConfig, FramesTable, LinkTable, PortTable, SensorTable
 from common.settings import as_dict
-from common.simulation.motion import grid
+from common.simulation.motion import Array, grid
 from common.simulation.voyage import Voyage
 from onboard.virtual.boat import PORTS
 
 TRUTH_HEADER = "t_s,lat_deg,lon_deg,heading_true_deg,t_ns,east_m,north_m,v_east_m_s,v_north_m_s"
 TRUTH_RATE_HZ = 10.0
+LONGEST_GAP_S = 1.0
+"""Over a longer hole of a recording's reference no truth is made up."""
 
 _CONFIG_HEAD = """\
 # Written by `wayfix-onboard virtual` for the voyage {name!r}; matches what its pseudo-terminals send.
@@ -81,9 +83,7 @@ class TruthFile:
     """Truth at 10 Hz. All but the boat time is worked out beforehand: writing must not delay the first byte."""
 
     def __init__(self, voyage: Voyage) -> None:
-        first_s, last_s = voyage.truth.t_s[[0, -1]].tolist()
-        times = grid(last_s, TRUTH_RATE_HZ)
-        truth = voyage.truth.at(times[times >= first_s])
+        truth = voyage.truth.at(_covered(voyage.truth.t_s))
         columns = (truth.t_s, truth.east_m, truth.north_m, np.degrees(truth.heading_rad))
         velocity = (truth.v_east_m_s, truth.v_north_m_s)
         self._rows: list[tuple[float, str, str]] = []
@@ -96,6 +96,16 @@ class TruthFile:
         """Write it; t = 0 is boat time `start_ns`."""
         rows = (f"{before},{start_ns + round(t_s * 1e9)},{after}\n" for t_s, before, after in self._rows)
         path.write_text(f"{TRUTH_HEADER}\n{''.join(rows)}", encoding="ascii")
+
+
+def _covered(t_s: Array) -> Array:
+    """The times of the truth file that lie on the truth's own or between two that are close."""
+    times = grid(float(t_s[-1]), TRUTH_RATE_HZ)
+    times = times[times >= t_s[0]]
+    after = np.searchsorted(t_s, times)
+    before = np.searchsorted(t_s, times, side="right") - 1
+    covered: Array = times[t_s[after] - t_s[before] <= LONGEST_GAP_S]
+    return covered
 
 
 class SentFile:

@@ -87,7 +87,7 @@ def fuzzy_alpha(dom_ratio: float, shape: FuzzyShape = THESIS_SHAPE) -> float:
     """The factor on R for a degree of matching (Eqs 5.12-5.23), in closed form.
 
     Literal, with the thesis' own steps (Table 5.3): 0.812 -> 0.848 at 0.75, 0.88 -> 1 at 0.85, 1 -> 1.12 at 1.15, and
-    not monotone: it falls from 1.155 to 1.125 between 1.22 and 1.25, then steps up to 1.147.
+    not monotone: it falls from 1.164 to 1.125 between 1.242 and 1.25, then steps up to 1.147.
     """
     if dom_ratio < 1.0 - shape.ep2:
         return _alpha_small(dom_ratio, shape)

@@ -7,7 +7,6 @@ A filter is a prediction (linear or unscented) joined with a rule for R. Its who
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Final
 
 from common.errors import WayfixError
@@ -74,7 +73,7 @@ class Filter:
 
     def start(self, x: Array, P: Array) -> None:
         """Begin at state `x` with covariance `P`; R begins at the configured variances."""
-        self._state = FilterState(x, P, MappingProxyType({}))
+        self._state = FilterState(x, P, {})
 
     def snapshot(self) -> FilterState:
         """The state, to be given back to `restore`."""
@@ -106,13 +105,14 @@ class Filter:
 
     def _update(self, name: str, index: int, innovation: float) -> None:
         """Adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
+        innovation = float(innovation)
         state, channel = self.estimate, self._facts.channels[name]
         noise = state.noise.get(name) or ChannelNoise(channel.initial_variance)
         prior_variance = float(state.P[index, index])
         noise = self._rule.adapt(channel, noise, innovation, prior_variance + noise.variance)
         nis = innovation * innovation / (prior_variance + noise.variance)
         x, P = update_scalar(state.x, state.P, index, innovation, noise.variance)
-        channels = MappingProxyType({**state.noise, name: noise._replace(nis=nis)})
+        channels = {**state.noise, name: noise._replace(nis=nis)}
         self._state = replace(state, x=x, P=P, noise=channels)
 
 

@@ -21,7 +21,9 @@ from tests.acquire.sentences import MS, compass, heading, line, sealed
         (sealed("HCHDT,0.0,T"), None, 0.0, None, None),
     ],
 )
-def test_headings(data: bytes, mag: float | None, true: float | None, deviation: float | None, variation: float | None) -> None:
+def test_headings(
+    data: bytes, mag: float | None, true: float | None, deviation: float | None, variation: float | None
+) -> None:
     driver = make_driver(compass())
     assert driver.claims(line(data))
     found = heading(driver.feed(line(data)))

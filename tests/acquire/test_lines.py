@@ -1,6 +1,7 @@
 """The splitter: any chunking gives the same lines, every byte is accounted for, memory is bounded."""
 
 import re
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -23,9 +24,7 @@ def whole_lines(data: bytes) -> list[bytes]:
 def test_any_chunking_gives_the_same_lines_and_loses_no_byte(data: bytes, cuts: list[int]) -> None:
     splitter = LineSplitter()
     edges = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
-    lines = [
-        found for a, b in zip(edges, edges[1:], strict=False) for found in splitter.feed(data[a:b], t_ns=1000 * a)
-    ]
+    lines = [found for a, b in pairwise(edges) for found in splitter.feed(data[a:b], t_ns=1000 * a)]
     assert [found.data for found in lines] == whole_lines(data)
     ends = data.count(b"\r") + data.count(b"\n")
     in_lines = sum(len(found.data) for found in lines)

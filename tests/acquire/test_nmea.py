@@ -176,7 +176,8 @@ def test_a_cold_receiver_that_fills_the_place_in_is_void_not_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "tod_ms"), [("235959.999", 86_399_999), ("235960", 86_400_000), ("000000.0009", 0), ("120000.5", 43_200_500)]
+    ("text", "tod_ms"),
+    [("235959.999", 86_399_999), ("235960", 86_400_000), ("000000.0009", 0), ("120000.5", 43_200_500)],
 )
 def test_time_of_day(text: str, tod_ms: int) -> None:
     reading = read(sealed(f"GPZDA,{text},31,12,2016,00,00"))
@@ -192,7 +193,7 @@ def test_a_parser_that_breaks_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> No
     def broken(_text: str) -> object:
         raise IndexError
 
-    monkeypatch.setattr(nmea.pynmea2, "parse", broken)
+    monkeypatch.setattr("pynmea2.parse", broken)
     assert read(GGA) == "parser"
 
 

@@ -75,6 +75,8 @@ def test_times_travel_as_signed_microseconds_from_the_start_of_the_frame() -> No
 def test_absent_and_default_fields_take_no_bytes_and_v_comes_first() -> None:
     wire = raw(frame_of(FIX))
     assert wire["fixes"][0] == {"sensor": "gps1", "dt_us": 0, "lat_deg": 50.0, "lon_deg": -4.0}
+    health = SensorHealth(sensor="gps1", t_ns=1_000_000_000, state="missing", rejected={}, accepted=0)
+    assert raw(frame_of(health))["health"] == [{"sensor": "gps1", "dt_us": 0, "state": "missing"}]
     assert next(iter(wire.items())) == ("v", SCHEMA_VERSION)
     assert set(wire) == {"v", "boat_id", "boot_id", "seq", "clock_id", "start_no", "t0_ns", "t1_ns", "fixes"}
 

@@ -1,4 +1,4 @@
-"""Error models: the noise is as large as the scenario says, repeatable, and one sensor's does not depend on another's."""
+"""Error models: the noise is as large as the scenario says, repeatable, and each sensor's own."""
 
 import math
 from collections import Counter

@@ -56,8 +56,8 @@ def test_integrated_imu_gives_back_the_truth_through_the_turns(track: Truth, rat
         position.append((east - truth.east_m[k + 1], north - truth.north_m[k + 1]))
         velocity.append((v_east - truth.v_east_m_s[k + 1], v_north - truth.v_north_m_s[k + 1]))
     assert np.abs(velocity).max() < 1e-9
-    # At the truth's own 20 Hz and above nothing is lost; slower, a step holds a turn that is no constant acceleration.
-    assert np.abs(position).max() < {1.0: 0.6, 10.0: 0.01}.get(rate_hz, 0.005)
+    # At the truth's own 20 Hz nothing is lost; a slower step bends more than a constant acceleration does.
+    assert np.abs(position).max() < {1.0: 0.02, 20.0: 1e-9}.get(rate_hz, 1e-4)
     assert heading == pytest.approx(truth.heading_rad[-1], abs=1e-9)
 
 
@@ -83,7 +83,8 @@ def test_turn_rule_goes_the_short_way_and_never_chatters(heading: float, bearing
 
 
 def test_a_boat_that_cannot_reach_its_waypoint_is_stopped() -> None:
-    mission = Mission(
+    # A waypoint abeam, nearer than the turn radius of 57 m.
+    wide = Mission(
         start=(0.0, 0.0),
         waypoints=((15.0, 0.0),),
         heading_deg=0.0,
@@ -91,4 +92,4 @@ def test_a_boat_that_cannot_reach_its_waypoint_is_stopped() -> None:
         turn_rate_deg_s=1.0,
         longest_s=300.0,
     )
-    assert sail(mission, STILL).t_s[-1] == pytest.approx(300.0)
+    assert sail(wide, STILL).t_s[-1] == pytest.approx(300.0)

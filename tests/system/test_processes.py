@@ -1,0 +1,196 @@
+"""Starting, stopping, killing: every process ends within 2 s with the log closed, and the others say one clear sentence."""
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from harness import Process, boat, command
+
+from common.codec import decode_frame
+from shore.logbook.read import read_log
+
+STOP_S = 2.0
+
+
+def ends_within(process: Process, seconds: float) -> int:
+    started = time.monotonic()
+    code = process.finish(10)
+    assert time.monotonic() - started < seconds
+    return code
+
+
+def newest_log(directory: Path) -> Path:
+    return max(directory.glob("*.mcap"), key=lambda path: path.stat().st_mtime)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_each_process_within_two_seconds_with_the_log_closed(tmp_path: Path, number: signal.Signals) -> None:
+    with boat(tmp_path) as running:
+        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
+        station.wait_for_words("| frames")
+        station.send(number)
+        assert ends_within(station, STOP_S) == 0
+        assert "Traceback" not in "\n".join(station.err)
+        reader = read_log(newest_log(tmp_path / "log"))
+        assert len(list(reader.frames())) > 20
+        assert reader.damage is None
+        for process in (running.daemon, running.virtual):
+            process.send(number)
+            assert ends_within(process, STOP_S) == 0
+            assert "Traceback" not in "\n".join(process.err)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_demo_and_its_children_within_two_seconds(tmp_path: Path, number: signal.Signals) -> None:
+    demo = Process("wayfix", "demo", "--log", tmp_path)
+    try:
+        demo.wait_for_words("filters start")
+        children = children_of(demo.popen.pid)
+        assert len(children) == 2
+        started = time.monotonic()
+        demo.send(number)
+        while read_log(newest_log(tmp_path)).damage is not None or any(map(is_alive, children)):
+            assert time.monotonic() - started < STOP_S, [(pid, is_alive(pid)) for pid in children]
+            time.sleep(0.02)
+        demo.finish(10)  # the table and the picture of what there was
+        assert "Traceback" not in "\n".join(demo.err)
+    finally:
+        demo.end()
+
+
+def test_killing_the_daemon_leaves_the_station_with_one_sentence(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
+        try:
+            station.wait_for_words("filters start")
+            running.daemon.send(signal.SIGKILL)
+            station.wait_for_words("no frame from the boat")
+            time.sleep(2.5)  # it goes on trying and does not say it again
+            assert sum("no frame from the boat" in line for line in station.err) == 1
+            station.send(signal.SIGTERM)
+            assert ends_within(station, STOP_S) == 0
+            assert read_log(newest_log(tmp_path / "log")).damage is None
+        finally:
+            station.end()
+
+
+def test_a_restarted_daemon_is_found_again_and_the_filter_carries_on(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
+        try:
+            station.wait_for_words("filters start")
+            running.daemon.send(signal.SIGKILL)
+            station.wait_for_words("no frame from the boat")
+            config, clock = running.files["config"], running.daemon.popen.args[3:]  # type: ignore[index]
+            second = Process("wayfix-onboard", "run", config, "--bind", running.address, *clock)
+            try:
+                second.ready()
+                station.wait_for_words("frames arrive again")
+                station.wait_for_words("fuzzy ")
+                assert sum("filters start" in line for line in station.err) == 1
+            finally:
+                second.end()
+        finally:
+            station.end()
+
+
+def test_killing_the_virtual_boat_is_three_lost_ports_and_the_daemon_lives(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        running.daemon.wait_for_words("gps1 delivers")
+        running.virtual.send(signal.SIGKILL)
+        for port in ("gps", "imu", "compass"):
+            running.daemon.wait_for_words(f"{port} lost: the device is gone")
+        time.sleep(1.5)
+        assert sum(" lost: " in line for line in running.daemon.err) == 3
+        assert not any("cannot be opened" in line for line in running.daemon.err)
+        assert running.daemon.popen.poll() is None
+
+
+def test_killing_the_station_is_one_line_on_board(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        station = Process("wayfix", "connect", running.address)
+        station.wait_for_words("fuzzy")
+        station.send(signal.SIGKILL)
+        station.finish()
+        running.daemon.wait_for_words("client station left")
+        assert sum("left" in line for line in running.daemon.err) == 1
+
+
+@pytest.mark.parametrize(("index", "name"), [(0, "virtual boat"), (1, "daemon")])
+def test_a_dead_child_ends_the_demo_with_its_name(tmp_path: Path, index: int, name: str) -> None:
+    demo = Process("wayfix", "demo", "--log", tmp_path, "--headless")
+    try:
+        wait_until(lambda: bool(list(tmp_path.glob("*.mcap"))))
+        children = children_of(demo.popen.pid)
+        os.kill(children[index], signal.SIGKILL)
+        assert demo.finish(10) == 2
+        assert demo.err[-1].startswith(f"wayfix: {name} ended unexpectedly (killed by SIGKILL)")
+        wait_until(lambda: not any(map(is_alive, children)))
+        assert read_log(newest_log(tmp_path)).damage is None
+    finally:
+        demo.end()
+
+
+def test_a_killed_demo_takes_its_children_along(tmp_path: Path) -> None:
+    demo = Process("wayfix", "demo", "--log", tmp_path, "--headless")
+    wait_until(lambda: bool(list(tmp_path.glob("*.mcap"))))
+    children = children_of(demo.popen.pid)
+    demo.send(signal.SIGKILL)
+    demo.finish()
+    wait_until(lambda: not any(map(is_alive, children)))
+
+
+def test_connect_with_m_frames_gives_exactly_m_consecutive_ones(tmp_path: Path) -> None:
+    with boat(tmp_path, speed=16) as running:
+        log = tmp_path / "log"
+        done = command("wayfix", "connect", running.address, "--frames", "100", "--period", "0.2", "--log", log, "--json")
+        assert done.returncode == 0, done.stderr
+        frames = [decode_frame(data) for data in read_log(newest_log(log)).frames()]
+        assert len(frames) == json.loads(done.stdout.splitlines()[-1])["frames"]["received"] == 100
+        assert [frame.first_seq for frame in frames[1:]] == [frame.seq + 1 for frame in frames[:-1]]
+        assert [frame.t0_ns for frame in frames[1:]] == [frame.t1_ns for frame in frames[:-1]]
+        assert {frame.t1_ns - frame.t0_ns for frame in frames} == {200_000_000}
+        assert running.daemon.popen.poll() is None
+
+
+def test_the_synchronous_step_gives_one_estimate_a_step(tmp_path: Path) -> None:
+    with boat(tmp_path, speed=16) as running:
+        log = tmp_path / "log"
+        done = command("wayfix", "connect", running.address, "--frames", "20", "--step", "1", "--log", log)
+        assert done.returncode == 0, done.stderr
+        estimates = list(read_log(newest_log(log)).estimates())
+        steps = [b["t_ns"] - a["t_ns"] for a, b in zip(estimates, estimates[1:], strict=False)]
+        assert len(estimates) >= 15
+        assert set(steps) == {1_000_000_000}
+
+
+def test_fewer_frames_than_asked_is_exit_code_one(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        station = Process("wayfix", "connect", running.address, "--frames", "500")
+        running.daemon.wait_for_words("joined")
+        time.sleep(0.5)
+        running.daemon.send(signal.SIGTERM)
+        assert station.finish() == 1
+        assert "of 500 frames were received" in station.err[-1]
+
+
+def children_of(pid: int) -> list[int]:
+    text = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii")
+    return sorted(int(child) for child in text.split())
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(") ", 1)[1][0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(true: object, seconds: float = 10.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not true():  # type: ignore[operator]
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
