@@ -31,7 +31,7 @@ $(VENV)/dev.stamp: $(VENV)/run.stamp
 	@touch $@
 
 demo: $(VENV)/run.stamp
-	$(BIN)/wayfix demo --speed 16 --log demo-out --json
+	$(BIN)/wayfix demo --log demo-out --json
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

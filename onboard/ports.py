@@ -42,12 +42,17 @@ _REASONS: Final = {
 
 def reason_of(error: BaseException) -> str:
     """Words for a failed open or read."""
-    number = getattr(error, "errno", None)
-    if number is None and error.args and isinstance(error.args[0], int):
-        number = error.args[0]  # termios.error is no OSError and keeps its number in args
+    number = _number(error) or _number(error.__context__)  # pyserial wraps termios' errors and drops their number
     if number in _REASONS:
         return _REASONS[number]
     return os.strerror(number) if number else str(error)
+
+
+def _number(error: BaseException | None) -> int | None:
+    number = getattr(error, "errno", None)
+    if number is None and error is not None and error.args and isinstance(error.args[0], int):
+        number = error.args[0]  # termios.error is no OSError and keeps its number in args
+    return number
 
 
 def open_serial(table: PortTable) -> Any:

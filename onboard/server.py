@@ -90,7 +90,7 @@ class Server:
         except zmq.ZMQError as error:
             self.close()
             cure = "give tcp://ADDRESS:PORT of this machine with a free port ([link] bind, or --bind)"
-            raise WayfixError(f"cannot listen there ({error.strerror})", address, cure) from error
+            raise WayfixError(f"cannot listen there ({zmq.strerror(error.errno)})", address, cure) from error
         return str(self._socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     async def run(self) -> None:

@@ -126,7 +126,7 @@ class Link:
             self._socket.connect(self.endpoint)
         except zmq.ZMQError as error:
             cure = "give HOST or HOST:PORT, like 10.0.0.1:5760"
-            raise LinkError(f"not an address ({error.strerror})", self.endpoint, cure) from error
+            raise LinkError(f"not an address ({zmq.strerror(error.errno)})", self.endpoint, cure) from error
 
     def _send(self, kind: str, **fields: Any) -> None:
         assert self._socket is not None

@@ -104,6 +104,9 @@ class LiveRun:
         """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
         self._next_seq = self.connected["next_seq"]
         self._write_session()
+        for sensor in self.connected.get("sensors", []):
+            reason = f": {sensor['reason']}" if sensor.get("reason") else ""
+            self._say(f"{sensor['id']} {sensor['state']}{reason}")
         self._link.run(self._options.frames, self._options.period_s)
         next_second_ns = boottime_ns() + NS_PER_S
         try:

@@ -47,6 +47,8 @@ class _Block:
     source: ImuBlock
     times_ns: list[int]
     inputs: list[ImuInput]
+    counts: list[int]
+    """Samples behind each input."""
     stretches: list[Stretch] = field(default_factory=list)
 
 
@@ -109,12 +111,11 @@ class ImuTrack:
         samples = [
             imu
             for block in self._blocks
-            for t_ns, imu in zip(block.times_ns, block.inputs, strict=True)
+            for t_ns, imu, count in zip(block.times_ns, block.inputs, block.counts, strict=True)
+            for _ in range(count)
             if from_ns < t_ns <= to_ns
         ]
-        if not samples:
-            return None
-        return ImuInput(*(sum(column) / len(samples) for column in zip(*samples, strict=True)))
+        return _mean(samples) if samples else None
 
     def _next(self, index: int, now_ns: int) -> tuple[int | None, ImuInput | None]:
         """Input from `now_ns` on, and until when (`None` = for ever); `index` is the first stretch that ends later."""
@@ -134,14 +135,22 @@ class ImuTrack:
         self._ends_ns = [stretch.end_ns for stretch in self._stretches]
 
     def _decode(self, block: ImuBlock, boot_id: str) -> _Block:
-        """Samples in order of time, finite ones only."""
+        """Samples in order of time, finite ones only.
+
+        Lines that came in one chunk share its stamp: together they cover what lies before it, so their mean does.
+        """
         columns = zip(block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=False)
-        samples = sorted(sample for sample in columns if all(map(math.isfinite, sample)))
+        at_time: dict[int, list[ImuInput]] = {}
+        for t_ns, *values in columns:
+            if all(map(math.isfinite, values)):
+                at_time.setdefault(t_ns, []).append(self._input(*values))
+        times_ns = sorted(at_time)
         return _Block(
             boot_id,
             block,
-            [t_ns for t_ns, *_ in samples],
-            [self._input(fwd, stb, yaw) for _, fwd, stb, yaw in samples],
+            times_ns,
+            [_mean(at_time[t_ns]) for t_ns in times_ns],
+            [len(at_time[t_ns]) for t_ns in times_ns],
         )
 
     def _input(self, fwd: float, stb: float, yaw_deg: float) -> ImuInput:
@@ -161,9 +170,9 @@ class ImuTrack:
         if coarse:
             stretches.append(coarse)
             last_ns = coarse.end_ns
-        for t_ns, imu in zip(block.times_ns, block.inputs, strict=True):
+        for t_ns, imu, count in zip(block.times_ns, block.inputs, block.counts, strict=True):
             if last_ns is None or t_ns - last_ns > self._hold_ns:
-                last_ns = t_ns - self._period_ns
+                last_ns = max(last_ns or 0, t_ns - count * self._period_ns)
             if t_ns > last_ns:
                 stretches.append(Stretch(last_ns, t_ns, imu))
                 last_ns = t_ns
@@ -191,6 +200,12 @@ class ImuTrack:
         if not all(map(math.isfinite, means)):
             return None
         return Stretch(before.times_ns[-1], end_ns, self._input(*means))
+
+
+def _mean(samples: list[ImuInput]) -> ImuInput:
+    if len(samples) == 1:
+        return samples[0]
+    return ImuInput(*(sum(column) / len(samples) for column in zip(*samples, strict=True)))
 
 
 def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> Iterator[Step]:

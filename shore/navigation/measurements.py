@@ -108,7 +108,9 @@ class Reader:
 
 def _motion(fix: Fix) -> tuple[tuple[float, float] | None, float | None]:
     """Velocity (east, north) in m/s and course in rad, each `None` where the speed is too low for it."""
-    if fix.sog_kn is None or fix.cog_true_deg is None or not fix.sog_kn >= COURSE_FROM_KN:
+    if fix.sog_kn is None or fix.cog_true_deg is None or not math.isfinite(fix.sog_kn + fix.cog_true_deg):
+        return None, None
+    if fix.sog_kn < COURSE_FROM_KN:
         return None, None
     course, speed = heading_rad(fix.cog_true_deg), fix.sog_kn * M_S_PER_KN
     velocity = speed * math.sin(course), speed * math.cos(course)

@@ -4,15 +4,29 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.messages import Frame
 from common.units import NS_PER_S
-from shore.score import Score
+from shore.score import Errors, Score
 
-COLOURS: Final = {"kf": "#8c6bb1", "ukf": "#2a9d4a", "fuzzy-thesis": "#e08a1e", "fuzzy": "#d62839"}
-RAW: Final = "#9db4c8"
-TRUTH: Final = "#222222"
+Points = NDArray[np.float64]
+
+WINDOW_S: Final = 20.0
+STYLES: Final[dict[str, dict[str, Any]]] = {
+    "gps": {"color": "#9db4c8", "linewidth": 1.6},
+    "compass": {"color": "#9db4c8", "linewidth": 1.6},
+    "truth": {"color": "#222222", "linewidth": 2.4},
+    # KF and UKF lie on top of each other on slow boats: one wide, one dashed, so that both are seen.
+    "kf": {"color": "#b9a3d6", "linewidth": 3.2},
+    "ukf": {"color": "#1b7f4b", "linewidth": 1.5, "linestyle": (0, (5, 3))},
+    "fuzzy-thesis": {"color": "#e9a23b", "linewidth": 3.2},
+    "fuzzy": {"color": "#d62839", "linewidth": 1.5},
+}
+DRAWN_FIRST: Final = ("kf", "fuzzy-thesis", "ukf", "fuzzy")
 INSET_M: Final = 45.0
+"""Half width of the enlarged piece of track."""
+CORNERS: Final = {"upper left": (0.0, 1.0), "upper right": (1.0, 1.0), "lower left": (0.0, 0.0), "lower right": (1.0, 0.0)}
 
 
 def draw(path: Path, score: Score, frames: list[Frame], estimates: list[dict[str, Any]], title: str) -> None:
@@ -22,75 +36,74 @@ def draw(path: Path, score: Score, frames: list[Frame], estimates: list[dict[str
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    filters = list(dict.fromkeys(item["filter"] for item in estimates))
+    present = dict.fromkeys(item["filter"] for item in estimates)
+    filters = sorted(present, key=lambda name: DRAWN_FIRST.index(name) if name in DRAWN_FIRST else 0)
     tracks = {name: _track(score, [item for item in estimates if item["filter"] == name]) for name in filters}
     figure = plt.figure(figsize=(14, 8), dpi=110, layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1))
     figure.suptitle(title, fontsize=13)
     _draw_tracks(figure.add_subplot(grid[:, 0]), score, frames, tracks)
-    _draw_errors(figure.add_subplot(grid[0, 1]), score, filters)
-    _draw_heading_errors(figure.add_subplot(grid[1, 1]), score, filters)
+    upper = figure.add_subplot(grid[0, 1])
+    _draw_errors(upper, score, score.position, ["gps", *filters])
+    upper.set(ylabel="m", title="Position error, RMS over 20 s")
+    lower = figure.add_subplot(grid[1, 1], sharex=upper)
+    _draw_errors(lower, score, score.heading, ["compass", *filters])
+    lower.set(xlabel="time, s", ylabel="deg", title="Heading error, RMS over 20 s")
     figure.savefig(path)
     plt.close(figure)
 
 
-def _track(score: Score, estimates: list[dict[str, Any]]) -> np.ndarray[Any, Any]:
+def _track(score: Score, estimates: list[dict[str, Any]]) -> Points:
     """(m, 2) east/north metres about the reference's first point."""
     return np.array([score.reference.plane.to_east_north_m(item["lat_deg"], item["lon_deg"]) for item in estimates])
 
 
-def _draw_tracks(axes: Any, score: Score, frames: list[Frame], tracks: dict[str, np.ndarray[Any, Any]]) -> None:
+def _draw_tracks(axes: Any, score: Score, frames: list[Frame], tracks: dict[str, Points]) -> None:
     plane = score.reference.plane
     fixes = [fix for frame in frames for fix in frame.fixes if fix.usable]
-    points = np.array([plane.to_east_north_m(fix.lat_deg or 0.0, fix.lon_deg or 0.0) for fix in fixes])
-    middle = len(score.reference.east_m) * 2 // 3
-    centre = score.reference.east_m[middle], score.reference.north_m[middle]
-    inset = axes.inset_axes((0.56, 0.03, 0.42, 0.36))
-    for axis, width in ((axes, 1.4), (inset, 1.8)):
-        if len(points):
-            axis.plot(*points.T, ".", color=RAW, markersize=4, label="GPS fixes", zorder=1)
-        axis.plot(score.reference.east_m, score.reference.north_m, color=TRUTH, linewidth=2.4, label="truth", zorder=2)
+    points = np.array([plane.to_east_north_m(fix.lat_deg or 0.0, fix.lon_deg or 0.0) for fix in fixes]).reshape(-1, 2)
+    truth = np.column_stack((score.reference.east_m, score.reference.north_m))
+    legend_corner, inset_corner = _emptiest_corners(np.vstack((points, truth)))
+    x, y = CORNERS[inset_corner]
+    inset = axes.inset_axes((0.02 + x * 0.54, 0.02 + y * 0.56, 0.42, 0.40))
+    for axis in (axes, inset):
+        axis.plot(*points.T, ".", color=STYLES["gps"]["color"], markersize=4, label="GPS fixes")
+        axis.plot(*truth.T, label="truth", **STYLES["truth"])
         for name, track in tracks.items():
-            axis.plot(*track.T, color=COLOURS.get(name), linewidth=width, label=name, zorder=3)
-        axis.set_aspect("equal")
-    inset.set_xlim(centre[0] - INSET_M, centre[0] + INSET_M)
-    inset.set_ylim(centre[1] - INSET_M, centre[1] + INSET_M)
-    inset.set_xticks([])
-    inset.set_yticks([])
+            axis.plot(*track.T, label=name, **STYLES.get(name, {}))
+        axis.set_aspect("equal", adjustable="datalim" if axis is axes else "box")
+    centre = truth[len(truth) * 2 // 3]
+    inset.set(xlim=centre[0] + np.array((-INSET_M, INSET_M)), ylim=centre[1] + np.array((-INSET_M, INSET_M)))
+    inset.set(xticks=[], yticks=[])
     axes.indicate_inset_zoom(inset, edgecolor="#555555")
-    axes.set(xlabel="east, m", ylabel="north, m", title="Tracks")
+    axes.set(xlabel="east, m", ylabel="north, m", title=f"Tracks (enlarged: {2 * INSET_M:.0f} m)")
     axes.grid(alpha=0.25)
-    axes.legend(loc="upper left")
+    axes.legend(loc=legend_corner)
 
 
-def _draw_errors(axes: Any, score: Score, filters: list[str]) -> None:
-    _running(axes, score, score.position, {"gps": RAW, **{name: COLOURS.get(name) for name in filters}})
-    axes.set(ylabel="m", title="Position error, RMS over 20 s")
+def _emptiest_corners(points: Points) -> tuple[str, str]:
+    """Where legend and inset hide the least: (second emptiest, emptiest) quarter of the picture."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    share = (points - low) / np.maximum(high - low, 1e-9)
+    counts = {name: np.sum(np.all(np.abs(share - np.array(corner)) < 0.5, axis=1)) for name, corner in CORNERS.items()}
+    emptiest, second, *_ = sorted(counts, key=lambda name: int(counts[name]))
+    return second, emptiest
 
 
-def _draw_heading_errors(axes: Any, score: Score, filters: list[str]) -> None:
-    _running(axes, score, score.heading, {"compass": RAW, **{name: COLOURS.get(name) for name in filters}})
-    axes.set(xlabel="time, s", ylabel="deg", title="Heading error, RMS over 20 s")
-
-
-def _running(axes: Any, score: Score, sources: dict[str, Any], colours: dict[str, str | None]) -> None:
+def _draw_errors(axes: Any, score: Score, sources: dict[str, Errors], names: list[str]) -> None:
     """RMS in windows of 20 s, log scale: raw and filtered differ by a factor of ten and more."""
-    for name, colour in colours.items():
-        errors = sources[name]
-        if not errors.t_ns:
+    for name in names:
+        errors = sources.get(name)
+        if errors is None or not errors.t_ns:
             continue
-        t_s = (np.array(errors.t_ns) - score.reference.start_ns) / NS_PER_S
-        bins = np.floor(t_s / 20.0).astype(int)
-        counts = np.bincount(bins)
-        sums = np.bincount(bins, weights=np.square(errors.error))
+        windows = np.floor((np.array(errors.t_ns) - score.reference.start_ns) / NS_PER_S / WINDOW_S).astype(int)
+        counts = np.bincount(windows)
+        sums = np.bincount(windows, weights=np.square(errors.error))
         filled = counts > 0
-        axes.plot(
-            (np.arange(len(counts))[filled] + 0.5) * 20.0,
-            np.sqrt(sums[filled] / counts[filled]),
-            color=colour,
-            linewidth=1.8,
-            label=name,
-        )
+        centres_s = (np.arange(len(counts))[filled] + 0.5) * WINDOW_S
+        axes.plot(centres_s, np.sqrt(sums[filled] / counts[filled]), label=name, **STYLES.get(name, {}))
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
     axes.grid(alpha=0.25, which="both")
-    axes.legend(loc="upper left", ncols=2, fontsize=9)
+    axes.legend(loc="best", ncols=2, fontsize=9)
