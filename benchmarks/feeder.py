@@ -2,8 +2,9 @@
 
     python -m benchmarks.feeder [--compasses N] [--portion BYTES] [--flood BYTES_PER_S]
 
-First line of standard output: {"ports": {name: path}}. A line on standard input starts the devices, its end stops them;
-then comes the log: {"sent": {stream: [t_ns, ...]}, "refused": lines a full pty took in part only, ...}.
+First line of standard output: {"ports": {name: path}}. The first line on standard input starts the devices, the second
+stops them; then comes the log: {"sent": {stream: [t_ns, ...]}, "refused": writes a full pty took only in part, ...}.
+The end of standard input ends the process, and the ports with it.
 Line n of a stream carries n % MODULUS[stream] in one of its values, so that a reader can tell the lines apart.
 """
 
@@ -130,7 +131,7 @@ class Ptys:
 
 
 def feed(ptys: Ptys, sources: list[Stream], stop: threading.Event, portion: int) -> int:
-    """Write lines until `stop`; returns how many writes a full pty refused. portion: bytes of one write (0 = a line)."""
+    """Write lines until `stop`, in portions of so many bytes (0 = whole); returns the writes that a full pty refused."""
     refused = order = 0
     start_ns = boottime_ns() + 50 * NS_PER_MS
     due = [(start_ns + stream.phase_ns, number, stream, b"") for number, stream in enumerate(sources)]
@@ -165,18 +166,22 @@ def _finish_lines(ptys: Ptys, due: list[tuple[int, int, Stream, bytes]]) -> None
 def flood(ptys: Ptys, rate: int, stop: threading.Event) -> int:
     """Valid HDT lines, up to `rate` bytes/s; returns the bytes that went in."""
     text = b"".join(nmea(f"HEHDT,{n / 10:05.1f},T") for n in range(3_600))
-    text += text[: 2 * round(rate * _FLOOD_STEP_S)]
-    whole = len(text) // 2
-    place = total = 0
+    whole, portion = len(text), round(rate * _FLOOD_STEP_S)
+    text += text[:portion]
     begin_s = time.monotonic()
-    step = 0
+    place = total = step = 0
     while not stop.is_set():
         step += 1
-        left = round(rate * _FLOOD_STEP_S)
+        left = portion
         while left and (taken := ptys.write("flood", text[place : place + left])):
             place, total, left = (place + taken) % whole, total + taken, left - taken
         time.sleep(max(0.0, begin_s + step * _FLOOD_STEP_S - time.monotonic()))
     return total
+
+
+def _wait_for_line(stop: threading.Event) -> None:
+    sys.stdin.readline()
+    stop.set()
 
 
 def main() -> None:
@@ -190,7 +195,7 @@ def main() -> None:
     print(json.dumps({"ports": ptys.paths}), flush=True)
     sys.stdin.readline()
     stop = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), stop.set()), daemon=True).start()
+    threading.Thread(target=_wait_for_line, args=(stop,), daemon=True).start()
     log: dict[str, object] = {}
     begin_s = time.monotonic()
     before_s = time.process_time()
@@ -202,7 +207,7 @@ def main() -> None:
     log["cpu_percent"] = 100 * (time.process_time() - before_s) / (time.monotonic() - begin_s)
     log["sent"] = {stream.name: stream.sent_ns for stream in sources}
     print(json.dumps(log), flush=True)
-    time.sleep(3600)  # the ptys live until the parent has read the last frames and ends this process
+    sys.stdin.read()  # the ptys live until the last frames are read
 
 
 if __name__ == "__main__":

@@ -104,10 +104,12 @@ class SensorTable:
     """GPS: for each horizontal axis."""
     sigma_deg: Annotated[float, Range(0.001, 180.0)] = 1.0
     """Compass."""
-    accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.05
-    """IMU acceleration noise, m/s^2/sqrt(Hz)."""
-    gyro_density_deg: Annotated[float, Range(1e-6, 1000.0)] = 0.1
-    """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz)."""
+    accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.2
+    """IMU acceleration noise, m/s^2/sqrt(Hz). The default is no data sheet's: rolling by a few degrees leaks some 0.3 m/s^2
+    of gravity for a third of a second into a small boat's accelerometer (0.3 sqrt(2 x 0.3 s) = 0.2)."""
+    gyro_density_deg: Annotated[float, Range(1e-6, 1000.0)] = 0.5
+    """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz). The default covers what is not modelled yet: a turn-on bias of 0.3 deg/s
+    (thesis Table 3.4) or a scale error of some per cent in a turn, over a second or two."""
     bias_accel_fwd_m_s2: float = 0.0
     """Known bias, subtracted ashore (thesis Eq. 3.2)."""
     bias_accel_stb_m_s2: float = 0.0

@@ -1,6 +1,20 @@
 """What every test shares: small hypothesis runs by default, so that the whole suite stays quick on two cores."""
 
+import os
+from pathlib import Path
+
+import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("quick", max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("quick")
+
+SHARED_DATA = Path(__file__).parents[1].parent / "shared" / "data"
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Where nothing may be missing (CI sets WAYFIX_NO_SKIP) a skipped test is a failure."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if os.environ.get("WAYFIX_NO_SKIP") and reporter is not None and reporter.stats.get("skipped"):
+        reporter.write_line("WAYFIX_NO_SKIP is set and tests were skipped: that is a failure here", red=True)
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
