@@ -23,12 +23,12 @@ def wrap_deg(angle_deg: float) -> float:
 
 
 def difference_rad(a_rad: float, b_rad: float) -> float:
-    """a - b the short way round, in (-pi, pi]; positive = a lies clockwise of b."""
+    """Difference a - b the short way round, in (-pi, pi]; positive = a lies clockwise of b."""
     return wrap_rad(a_rad - b_rad)
 
 
 def difference_deg(a_deg: float, b_deg: float) -> float:
-    """a - b the short way round, in (-180, 180]; positive = a lies clockwise of b."""
+    """Difference a - b the short way round, in (-180, 180]; positive = a lies clockwise of b."""
     wrapped = math.remainder(a_deg - b_deg, 360.0)
     return 180.0 if wrapped <= -180.0 else wrapped
 

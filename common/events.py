@@ -20,26 +20,62 @@ EVENTS: Final[dict[str, EventKind]] = {
     "daemon-stopping": EventKind("info", "daemon stops: {reason}", "nothing to do"),
     "port-opened": EventKind("info", "{port} open at {path}", "nothing to do"),
     "port-lost": EventKind("warning", "{port} lost: {reason}", "check plug and power; it is reopened by itself"),
-    "port-missing": EventKind("warning", "{port} cannot be opened: {reason}", "check the path in the configuration, plug and rights"),
-    "port-flooded": EventKind("warning", "{port} sends more than {budget} bytes/s; the surplus is thrown away", "lower the device's output or raise byte_budget_per_s"),
+    "port-missing": EventKind(
+        "warning", "{port} cannot be opened: {reason}", "check the path in the configuration, plug and rights"
+    ),
+    "port-flooded": EventKind(
+        "warning",
+        "{port} sends more than {budget} bytes/s; the surplus is thrown away",
+        "lower the device's output or raise byte_budget_per_s",
+    ),
     "port-calm": EventKind("info", "{port} is within its byte budget again", "nothing to do"),
     "sensor-delivering": EventKind("info", "{sensor} delivers", "nothing to do"),
-    "sensor-silent": EventKind("warning", "{sensor} is silent for {age_s} s", "check cable, baud rate and the device's output settings"),
-    "clock-stepped": EventKind("warning", "UTC of {sensor} jumped by {step_s} s against the boat clock", "check the receiver; times on the boat clock are not touched"),
-    "ticks-missed": EventKind("warning", "the board was busy: {count} frame periods passed at once", "lower the load of the board"),
+    "sensor-silent": EventKind(
+        "warning", "{sensor} is silent for {age_s} s", "check cable, baud rate and the device's output settings"
+    ),
+    "clock-stepped": EventKind(
+        "warning",
+        "UTC of {sensor} jumped by {step_s} s against the boat clock",
+        "check the receiver; times on the boat clock are not touched",
+    ),
+    "ticks-missed": EventKind(
+        "warning", "the board was busy: {count} frame periods passed at once", "lower the load of the board"
+    ),
     "client-joined": EventKind("info", "client {client} joined", "nothing to do"),
     "client-left": EventKind("info", "client {client} left: {reason}", "nothing to do"),
-    "frames-dropped": EventKind("warning", "{count} frames were not sent to client {client}: it reads too slowly", "check the radio link"),
+    "frames-dropped": EventKind(
+        "warning", "{count} frames were not sent to client {client}: it reads too slowly", "check the radio link"
+    ),
     "frames-missing": EventKind("warning", "{count} frames missing before frame {seq}", "check the radio link"),
-    "link-lost": EventKind("warning", "no frame from the boat for {age_s} s", "check the radio link and the boat's power; the station goes on trying"),
+    "link-lost": EventKind(
+        "warning",
+        "no frame from the boat for {age_s} s",
+        "check the radio link and the boat's power; the station goes on trying",
+    ),
     "link-restored": EventKind("info", "frames arrive again after {age_s} s", "nothing to do"),
-    "boat-restarted": EventKind("warning", "the boat's daemon was restarted", "nothing to do; frames of the new start follow"),
+    "boat-restarted": EventKind(
+        "warning", "the boat's daemon was restarted", "nothing to do; frames of the new start follow"
+    ),
     "filter-started": EventKind("info", "filters start at {lat_deg}, {lon_deg}", "nothing to do"),
     "filter-waiting": EventKind("info", "filters wait for: {missing}", "check these sensors"),
-    "filter-reset": EventKind("error", "filter {filter} gave no finite number and was started again", "report this log"),
-    "fix-far": EventKind("warning", "fix of {sensor} lies {distance_km} km from the mission's origin and is not used", "check the receiver"),
-    "late-dropped": EventKind("warning", "{count} measurements of {sensor} came more than {horizon_s} s late and were not fused", "kept in the log for `replay`"),
-    "variation-unknown": EventKind("warning", "{sensor} is magnetic and no variation is known: 0 is used", "set boat.variation_deg in the board's file"),
+    "filter-reset": EventKind(
+        "error", "filter {filter} gave no finite number and was started again", "report this log"
+    ),
+    "fix-far": EventKind(
+        "warning",
+        "fix of {sensor} lies {distance_km} km from the mission's origin and is not used",
+        "check the receiver",
+    ),
+    "late-dropped": EventKind(
+        "warning",
+        "{count} measurements of {sensor} came more than {horizon_s} s late and were not fused",
+        "kept in the log for `replay`",
+    ),
+    "variation-unknown": EventKind(
+        "warning",
+        "{sensor} is magnetic and no variation is known: 0 is used",
+        "set boat.variation_deg in the board's file",
+    ),
 }
 
 

@@ -75,11 +75,11 @@ class Fix:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImuBlock:
-    """All samples of one IMU that arrived since the last frame, in columns; a sample covers the interval ending at its time.
+    """All samples of one IMU in a frame, in columns; a sample covers the interval that ends at its time.
 
     Columns have one entry for each sample and travel as little-endian f32 (times: u32 microseconds after `t_ns`).
-    The means are over the block (the journal paper's section 5 averages 50 Hz over a filter step); the sums run since the
-    daemon's start, so that the difference of two blocks bridges any frames missing between them.
+    The means are over the block (the journal paper's section 5 averages 50 Hz over a filter step); the sums run since
+    the daemon's start, so that the difference of two blocks bridges any frames missing between them.
     """
 
     sensor: SensorId

@@ -1,7 +1,7 @@
 """One table of roles, and the facts of one boat's sensors (the board's configuration file, design section 3).
 
-Liveness limits, frame fields and documentation derive from `ROLES`. The board's file is the only source of sensor facts:
-the parsed tables travel in `connected` and into the log.
+Liveness limits, frame fields and documentation derive from `ROLES`. The board's file is the only source of sensor
+facts: the parsed tables travel in `connected` and into the log.
 """
 
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ class Role:
 
 ROLES: Final[dict[str, Role]] = {
     "gps": Role("GNSS receiver", 1.0, True, ("Fix", "ClockPair", "RawLine")),
-    "imu": Role("inertial unit: forward and starboard acceleration, yaw rate", 20.0, True, ("ImuBlock", "Attitude")),
+    "imu": Role("inertial unit: acceleration fore and athwart, yaw rate", 20.0, True, ("ImuBlock", "Attitude")),
     "gyro": Role("rate gyro", 20.0, True, ("TurnRate",)),
     "compass": Role("magnetic or true heading", 10.0, True, ("Heading", "TurnRate")),
     "ais": Role("AIS receiver", 1.0, False, ("AisLine",)),
@@ -39,7 +39,7 @@ def role_of(sensor_id: str) -> str:
 
 
 def stale_after_s(role: str, rate_hz: float | None) -> float:
-    """Age at which the newest value of a periodic sensor counts as stale: max(3 s, 5 periods); inf for event sensors."""
+    """Age at which a periodic sensor's newest value is stale: max(3 s, 5 periods); inf for event sensors."""
     if not ROLES[role].periodic:
         return float("inf")
     return max(3.0, 5.0 / (rate_hz or ROLES[role].nominal_rate_hz))
@@ -54,7 +54,7 @@ class BoatTable:
 
     id: Annotated[str, MaxLength(64)]
     variation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
-    """Magnetic variation where the boat sails, east +; used when neither compass nor (later) the world model gives it."""
+    """Magnetic variation where the boat sails, east +; used when the compass does not send its own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,11 +105,11 @@ class SensorTable:
     sigma_deg: Annotated[float, Range(0.001, 180.0)] = 1.0
     """Compass."""
     accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.2
-    """IMU acceleration noise, m/s^2/sqrt(Hz). The default is no data sheet's: rolling by a few degrees leaks some 0.3 m/s^2
-    of gravity for a third of a second into a small boat's accelerometer (0.3 sqrt(2 x 0.3 s) = 0.2)."""
+    """IMU acceleration noise, m/s^2/sqrt(Hz). The default is no data sheet's: rolling by a few degrees leaks
+    some 0.3 m/s^2 of gravity for a third of a second into a small boat's accelerometer (0.3 sqrt(2 x 0.3 s) = 0.2)."""
     gyro_density_deg: Annotated[float, Range(1e-6, 1000.0)] = 0.5
-    """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz). The default covers what is not modelled yet: a turn-on bias of 0.3 deg/s
-    (thesis Table 3.4) or a scale error of some per cent in a turn, over a second or two."""
+    """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz). The default covers what is not modelled yet: a turn-on bias of
+    0.3 deg/s (thesis Table 3.4) or a scale error of some per cent in a turn, over a second or two."""
     bias_accel_fwd_m_s2: float = 0.0
     """Known bias, subtracted ashore (thesis Eq. 3.2)."""
     bias_accel_stb_m_s2: float = 0.0

@@ -1,7 +1,7 @@
 """The link's vocabulary, first form (docs/protocol.md).
 
-One ROUTER socket on board, one DEALER for each client. A message is one MessagePack map with a `type`; a `frame` message
-has a second part with the frame's bytes, unchanged from board to log.
+One ROUTER socket on board, one DEALER for each client. A message is one MessagePack map with a `type`; a `frame`
+message has a second part with the frame's bytes, unchanged from board to log.
 
     client -> board   hello      {schema, client}
     board  -> client  connected  {schema, boat_id, boot_id, clock_id, start_no, next_seq, config, versions, sensors}

@@ -43,7 +43,7 @@ def convert(data: Mapping[str, Any], table: type[T], file: str = "settings") -> 
     value = _table(data, table, "", faults)
     if faults:
         raise SettingsError(file, faults)
-    return typing.cast(T, value)
+    return typing.cast("T", value)
 
 
 def as_dict(value: Any) -> Any:
@@ -87,7 +87,7 @@ def _value(value: Any, hint: Any, where: str, faults: list[str]) -> Any:
     if get_origin(hint) is tuple:
         return _list(value, get_args(hint)[0], where, faults)
     if dataclasses.is_dataclass(hint):
-        return _table(value, typing.cast(type, hint), where, faults)
+        return _table(value, typing.cast("type", hint), where, faults)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):

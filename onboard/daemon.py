@@ -1,8 +1,8 @@
 """The daemon: one asyncio loop owns ports, framer and socket.
 
-    port chunk -> lines -> devices -> framer --tick--> server
-                              |
-                              `-> health (counts, silence)
+port chunk -> lines -> devices -> framer --tick--> server
+                          |
+                          `-> health (counts, silence)
 """
 
 import asyncio
@@ -62,7 +62,9 @@ def next_start_no(state_dir: Path | None) -> int:
         temporary.write_text(f"{number}\n", encoding="ascii")
         temporary.replace(file)
     except (OSError, ValueError) as error:
-        raise WayfixError(f"start counter unusable ({error})", str(file), "give a writable --state directory") from error
+        raise WayfixError(
+            f"start counter unusable ({error})", str(file), "give a writable --state directory"
+        ) from error
     return number
 
 
@@ -156,9 +158,7 @@ class Daemon:
         self.period_ns = round(NS_PER_S / config.frames.rate_hz)
         now_ns = clock.now_ns()
         identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), next_start_no(state_dir))
-        imu_rates = {
-            sensor.id: sensor.rate_hz or ROLES["imu"].nominal_rate_hz for sensor in config.with_role("imu")
-        }
+        imu_rates = {sensor.id: sensor.rate_hz or ROLES["imu"].nominal_rate_hz for sensor in config.with_role("imu")}
         self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
         self.framer = Framer(identity, imu_rates, self._next_tick_ns - self.period_ns)
         self.monitors = {sensor.id: SensorMonitor(sensor, now_ns) for sensor in config.sensor}
@@ -220,7 +220,7 @@ class Daemon:
         self.server.close()
 
     async def _tick_for_ever(self) -> None:
-        """Frames on an absolute grid. A late tick is caught up frame by frame; only a long sleep of the board is skipped."""
+        """Frames on an absolute grid; a late tick is caught up frame by frame, only a long sleep is skipped."""
         while True:
             await asyncio.sleep(self.clock.seconds_until(self._next_tick_ns))
             now_ns = self.clock.now_ns()

@@ -123,9 +123,13 @@ class Framer:
             self._lists[_LIST_OF[type(measurement)]].append(measurement)
 
     def tick(self, t1_ns: int, utc: Utc, clk_epoch: int, health: Iterable[SensorHealth]) -> Frame:
-        """Close the frame [t0, t1) and begin the next. What is stamped t1 or later waits, so that a tick that comes late
-        (busy board, fast clock) changes nothing in the frames."""
-        lists = {name: tuple(item for item in items if item.t_ns < t1_ns) for name, items in self._lists.items()}
+        """Close the frame [t0, t1) and begin the next.
+
+        What is stamped t1 or later waits, so that a late tick (busy board, fast clock) changes nothing in the frames.
+        """
+        lists: dict[str, Any] = {
+            name: tuple(item for item in items if item.t_ns < t1_ns) for name, items in self._lists.items()
+        }
         self._lists = {name: [item for item in items if item.t_ns >= t1_ns] for name, items in self._lists.items()}
         blocks = (gatherer.take(t1_ns) for gatherer in self._imus.values())
         frame = Frame(
@@ -150,9 +154,9 @@ class Framer:
 
 
 def merge(frames: Sequence[Frame]) -> Frame:
-    """One frame over several consecutive ones: the last one's identity, `first_seq` of the first, everything in order."""
+    """One frame over several consecutive ones: the last one's identity, `first_seq` of the first."""
     first, last = frames[0], frames[-1]
-    lists = {name: tuple(item for frame in frames for item in getattr(frame, name)) for name in _LISTS}
+    lists: dict[str, Any] = {name: tuple(item for frame in frames for item in getattr(frame, name)) for name in _LISTS}
     blocks: dict[str, ImuBlock] = {}
     for frame in frames:
         for block in frame.imu:

@@ -55,7 +55,7 @@ class SensorMonitor:
         self._since_ns = t_ns
 
     def state(self, now_ns: int) -> tuple[str, str | None]:
-        """(delivering | silent | missing, reason)."""
+        """State (delivering, silent or missing) and its reason."""
         if self._port_reason is not None:
             return "missing", self._port_reason
         if not self._periodic:
@@ -68,7 +68,7 @@ class SensorMonitor:
         return "silent", f"nothing for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
 
     def overdue(self, now_ns: int) -> bool:
-        """Has the open port been silent so long that it should be reopened?"""
+        """True when the open port has been silent so long that it should be reopened."""
         last = max(self._since_ns, self._last_good_ns or 0)
         return self._periodic and self._port_reason is None and now_ns - last > self._stale_ns
 

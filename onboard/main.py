@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """Poll all configured sensors and stream timestamped frames until SIGTERM or Ctrl-C. Prints one JSON line when ready."""
+    """Poll all sensors and stream timestamped frames until SIGTERM or Ctrl-C. One JSON line says when it is ready."""
     from onboard.config import load
     from onboard.daemon import Daemon
 

@@ -9,7 +9,7 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import zmq
 import zmq.asyncio
@@ -90,7 +90,7 @@ class Server:
         except zmq.ZMQError as error:
             self.close()
             cure = "give tcp://ADDRESS:PORT of this machine with a free port ([link] bind, or --bind)"
-            raise WayfixError(f"cannot listen there ({zmq.strerror(error.errno)})", address, cure) from error
+            raise WayfixError(f"cannot listen there ({zmq.strerror(error.errno or 0)})", address, cure) from error
         return str(self._socket.getsockopt_string(zmq.LAST_ENDPOINT))
 
     async def run(self) -> None:
@@ -99,9 +99,7 @@ class Server:
             parts = await self._socket.recv_multipart()
             identity = parts[0]
             try:
-                if len(parts) != 2:
-                    raise CodecError("one part expected")
-                self._answer(identity, session.unpack(parts[1]))
+                self._answer(identity, session.unpack(parts[1] if len(parts) == 2 else b""))
             except CodecError as error:
                 self.malformed += 1
                 log.debug("malformed message from %s: %s", identity.hex(), error)
@@ -249,7 +247,7 @@ class Server:
 
     def _send(self, identity: bytes, parts: list[bytes]) -> int | None:
         """None = taken; else the error number. Completes at once: NOBLOCK."""
-        future = self._socket.send_multipart([identity, *parts], flags=zmq.NOBLOCK)
+        future = cast("asyncio.Future[None]", self._socket.send_multipart([identity, *parts], flags=zmq.NOBLOCK))
         error = future.exception()
         return error.errno if isinstance(error, zmq.ZMQError) else None
 

@@ -59,7 +59,9 @@ class Child:
         # A script beside the interpreter: found also when the virtual environment is not activated.
         program = Path(sys.executable).with_name("wayfix-onboard")
         if not program.exists():
-            raise WayfixError("wayfix-onboard is not installed here", str(program.parent), "pip install '.[onboard,shore]'")
+            raise WayfixError(
+                "wayfix-onboard is not installed here", str(program.parent), "pip install '.[onboard,shore]'"
+            )
         self.name = name
         self.last_lines: deque[str] = deque(maxlen=5)
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
@@ -205,7 +207,7 @@ class Demo:
             link.close()
 
     def _supervise(self) -> bool:
-        """Asked between frames: has somebody died, is the mission over, did the person press Ctrl-C?"""
+        """True when the run should end: somebody died, the mission is over, or the person pressed Ctrl-C."""
         assert self._virtual is not None
         assert self._daemon is not None
         if self._stop():

@@ -1,4 +1,4 @@
-"""The station's end of the link: one DEALER socket (`common.session`, docs/protocol.md). The only file ashore with a socket.
+"""The station's end of the link: one DEALER socket (`common.session`, docs/protocol.md); no other file ashore has one.
 
 First form: when the board falls silent the socket is thrown away and the session begun again; frames sent meanwhile are
 lost and counted (the spool and leases come with the link's next form).
@@ -56,8 +56,10 @@ class Link:
         self._last_frame_ns = boottime_ns()
         self._silence_s = SILENCE_S
 
-    def connect(self, timeout_s: float = CONNECT_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False) -> dict[str, Any]:
-        """Say hello and return the `connected` map; raises LinkError when nobody answers in time or the board refuses."""
+    def connect(
+        self, timeout_s: float = CONNECT_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
+    ) -> dict[str, Any]:
+        """Say hello, return the `connected` map; raises LinkError when nobody answers in time or the board refuses."""
         self._new_socket()
         self._send("hello", schema=SCHEMA_VERSION, client=self._client)
         deadline_ns = boottime_ns() + int(timeout_s * NS_PER_S)
@@ -126,7 +128,7 @@ class Link:
             self._socket.connect(self.endpoint)
         except zmq.ZMQError as error:
             cure = "give HOST or HOST:PORT, like 10.0.0.1:5760"
-            raise LinkError(f"not an address ({zmq.strerror(error.errno)})", self.endpoint, cure) from error
+            raise LinkError(f"not an address ({zmq.strerror(error.errno or 0)})", self.endpoint, cure) from error
 
     def _send(self, kind: str, **fields: Any) -> None:
         assert self._socket is not None

@@ -57,6 +57,7 @@ class StopFlag:
         self.reason: str | None = None
 
     def __call__(self) -> bool:
+        """True once a signal came."""
         return self.reason is not None
 
     @contextmanager

@@ -39,10 +39,16 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="wayfix", description="Wayfix ashore.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    connect = commands.add_parser("connect", help="receive, filter and log a boat's frames", description=_connect.__doc__)
+    connect = commands.add_parser(
+        "connect", help="receive, filter and log a boat's frames", description=_connect.__doc__
+    )
     connect.add_argument("address", help="HOST or HOST:PORT of the boat, like 10.0.0.1:5760")
-    connect.add_argument("--frames", type=_count, metavar="M", help="receive exactly M frames, then end (the thesis' mode)")
-    connect.add_argument("--period", type=_seconds, metavar="SECONDS", help="length of a frame with --frames (default 1)")
+    connect.add_argument(
+        "--frames", type=_count, metavar="M", help="receive exactly M frames, then end (the thesis' mode)"
+    )
+    connect.add_argument(
+        "--period", type=_seconds, metavar="SECONDS", help="length of a frame with --frames (default 1)"
+    )
     connect.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
     _add_filter_arguments(connect, DEFAULT_FILTERS)
     _add_json(connect)
@@ -50,7 +56,9 @@ def _parser() -> argparse.ArgumentParser:
 
     replay = commands.add_parser("replay", help="run a log through the filters again", description=_replay.__doc__)
     replay.add_argument("log", type=Path, help="a log of `wayfix connect` or `wayfix demo`")
-    replay.add_argument("--reference", type=Path, metavar="FILE", help="CSV t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]")
+    replay.add_argument(
+        "--reference", type=Path, metavar="FILE", help="CSV t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]"
+    )
     _add_filter_arguments(replay, None)
     _add_json(replay)
     replay.set_defaults(command=_replay)
@@ -64,7 +72,9 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--speed", type=_speed, default=8.0, metavar="X", help="boat seconds per second (default 8)")
     demo.add_argument("--headless", action="store_true", help="no status line each second")
     demo.add_argument("--log", type=Path, metavar="DIR", help="where log and picture go (default: a new temporary one)")
-    demo.add_argument("--filters", default=DEMO_FILTERS, help=f"comma-separated, the first leads (default {DEMO_FILTERS})")
+    demo.add_argument(
+        "--filters", default=DEMO_FILTERS, help=f"comma-separated, the first leads (default {DEMO_FILTERS})"
+    )
     _add_json(demo)
     demo.set_defaults(command=_demo)
     return parser
@@ -98,9 +108,9 @@ def _connect(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    """Feed a log's frames to the filters in their order of arrival; compare with the recorded estimates and a reference."""
+    """Feed a log's frames to the filters in order of arrival; compare with the recorded estimates and a reference."""
     from shore.replay import replay
-    from shore.score import score_table, score_of
+    from shore.score import score_of, score_table
 
     filters = _filters(arguments.filters) if arguments.filters else None
     result = replay(arguments.log, filters, arguments.step, _progress if sys.stderr.isatty() else None)
@@ -155,7 +165,9 @@ def _demo(arguments: argparse.Namespace) -> int:
 def _add_filter_arguments(parser: argparse.ArgumentParser, default: str | None) -> None:
     shown = default or "those of the live run"
     parser.add_argument("--filters", default=default, help=f"comma-separated, the first leads (default {shown})")
-    parser.add_argument("--step", type=_seconds, metavar="SECONDS", help="synchronous steps as in the thesis' Fig. 3.14")
+    parser.add_argument(
+        "--step", type=_seconds, metavar="SECONDS", help="synchronous steps as in the thesis' Fig. 3.14"
+    )
 
 
 def _add_json(parser: argparse.ArgumentParser) -> None:

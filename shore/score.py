@@ -1,7 +1,7 @@
 """Scores a log against a reference track: RMS of position and heading for raw sensors and every filter.
 
-Position error is horizontal distance (m), heading error is wrapped (deg). Estimates are scored at their own boat time, fixes
-and headings at theirs; the reference is interpolated, never extrapolated.
+Position error is horizontal distance (m), heading error is wrapped (deg). Estimates are scored at their own boat time,
+fixes and headings at theirs; the reference is interpolated, never extrapolated.
 """
 
 import csv
@@ -34,7 +34,7 @@ class Reference:
         self.plane = LocalPlane(float(lat_deg[0]), float(lon_deg[0]))
         positions = [self.plane.to_east_north_m(float(a), float(b)) for a, b in zip(lat_deg, lon_deg, strict=True)]
         self.start_ns = float(t_ns[0])
-        self._t_s = (t_ns - t_ns[0]) / NS_PER_S
+        self._t_s: Array = (t_ns - t_ns[0]) / NS_PER_S
         self.east_m = np.array([position[0] for position in positions])
         self.north_m = np.array([position[1] for position in positions])
         self._heading_deg = np.degrees(np.unwrap(np.radians(heading_true_deg)))
@@ -62,7 +62,9 @@ def read_reference(path: Path, first_t_ns: int) -> Reference:
             rows = list(csv.DictReader(file))
         for name in REQUIRED_COLUMNS:
             if not rows or name not in rows[0]:
-                raise WayfixError(f"has no column {name}", str(path), f"give CSV with {','.join(REQUIRED_COLUMNS)}[,t_ns]")
+                raise WayfixError(
+                    f"has no column {name}", str(path), f"give CSV with {','.join(REQUIRED_COLUMNS)}[,t_ns]"
+                )
         columns = {name: np.array([float(row[name]) for row in rows]) for name in REQUIRED_COLUMNS}
         if rows[0].get("t_ns"):
             t_ns = np.array([float(int(row["t_ns"])) for row in rows])

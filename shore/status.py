@@ -8,7 +8,16 @@ from common.sensors import BoatConfig, stale_after_s
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 
-_QUALITY = {0: "no fix", 1: "GPS", 2: "DGPS", 4: "RTK fixed", 5: "RTK float", 6: "estimated", 7: "manual", 8: "simulated"}
+_QUALITY = {
+    0: "no fix",
+    1: "GPS",
+    2: "DGPS",
+    4: "RTK fixed",
+    5: "RTK float",
+    6: "estimated",
+    7: "manual",
+    8: "simulated",
+}
 
 
 class StatusLine:
@@ -32,7 +41,8 @@ class StatusLine:
 
     def text(self, received: int, missing: int) -> str:
         """The line."""
-        return " | ".join((self._estimate_text(), self._fix_text(), self._heading_text(), f"frames {received}, missing {missing}"))
+        counts = f"frames {received}, missing {missing}"
+        return " | ".join((self._estimate_text(), self._fix_text(), self._heading_text(), counts))
 
     def _estimate_text(self) -> str:
         estimate = self._estimate
@@ -47,7 +57,9 @@ class StatusLine:
         fix = self._fix
         if fix is None:
             return "no fix yet"
-        quality = _QUALITY.get(fix.fix_quality or 0, "fix") if fix.usable else "not usable"
+        quality = "not usable"
+        if fix.usable:
+            quality = "fix" if fix.fix_quality is None else _QUALITY.get(fix.fix_quality, "fix")
         return f"{fix.sensor} {quality}, {self._age_text(fix.sensor, fix.t_ns)}"
 
     def _heading_text(self) -> str:

@@ -59,7 +59,9 @@ def _measurement(item: Timed, variation_deg: float) -> Fix | Heading | ImuSample
             fix_quality=1, sog_kn=speed, cog_true_deg=course,
         )  # fmt: skip
     if isinstance(reading, HeadingReading):
-        return Heading(sensor=item.sensor, t_ns=t_ns, heading_mag_deg=(reading.heading_true_deg - variation_deg) % 360.0)
+        return Heading(
+            sensor=item.sensor, t_ns=t_ns, heading_mag_deg=(reading.heading_true_deg - variation_deg) % 360.0
+        )
     return ImuSample(item.sensor, t_ns, reading.accel_fwd_m_s2, reading.accel_stb_m_s2, reading.yaw_rate_deg_s)
 
 
@@ -95,7 +97,12 @@ def _errors(voyage: Voyage, estimates: list[Estimate]) -> Errors:
     times = np.array([(item.t_ns - START_NS) / NS_PER_S for item in estimates])
     inside = (times >= truth.t_s[0]) & (times <= truth.t_s[-1])
     places = np.array([voyage.plane.to_east_north_m(item.lat_deg, item.lon_deg) for item in estimates])
-    east, north, heading = (np.interp(times, truth.t_s, column) for column in (truth.east_m, truth.north_m, truth.heading_rad))
-    wrong_deg = [difference_deg(item.heading_true_deg, float(np.degrees(true))) for item, true in zip(estimates, heading, strict=True)]
+    east, north, heading = (
+        np.interp(times, truth.t_s, column) for column in (truth.east_m, truth.north_m, truth.heading_rad)
+    )
+    wrong_deg = [
+        difference_deg(item.heading_true_deg, float(np.degrees(true)))
+        for item, true in zip(estimates, heading, strict=True)
+    ]
     distance = np.hypot(places[:, 0] - east, places[:, 1] - north)
     return Errors(times[inside], distance[inside], np.array(wrong_deg)[inside])

@@ -26,7 +26,12 @@ STYLES: Final[dict[str, dict[str, Any]]] = {
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis", "ukf", "fuzzy")
 INSET_M: Final = 45.0
 """Half width of the enlarged piece of track."""
-CORNERS: Final = {"upper left": (0.0, 1.0), "upper right": (1.0, 1.0), "lower left": (0.0, 0.0), "lower right": (1.0, 0.0)}
+CORNERS: Final = {
+    "upper left": (0.0, 1.0),
+    "upper right": (1.0, 1.0),
+    "lower left": (0.0, 0.0),
+    "lower right": (1.0, 0.0),
+}
 
 
 def draw(path: Path, score: Score, frames: list[Frame], estimates: list[dict[str, Any]], title: str) -> None:

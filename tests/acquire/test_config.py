@@ -55,7 +55,14 @@ model = "arduimux"
     with pytest.raises(SettingsError) as caught:
         load(file)
     text = str(caught.value)
-    for part in ("name given twice", "path /dev/ttyUSB0 given twice", "no [[port]] is named b", "like compass1", "gyro does not fit", "arduimu"):
+    for part in (
+        "name given twice",
+        "path /dev/ttyUSB0 given twice",
+        "no [[port]] is named b",
+        "like compass1",
+        "gyro does not fit",
+        "arduimu",
+    ):
         assert part in text
     assert all(line.startswith(str(file)) for line in text.splitlines())
 
@@ -73,7 +80,7 @@ model = "arduimux"
 def test_broken_files_name_key_and_cure(tmp_path: Path, text: str, part: str) -> None:
     file = tmp_path / "boat.toml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(SettingsError, match="boat.toml") as caught:
+    with pytest.raises(SettingsError, match=r"boat\.toml") as caught:
         load(file)
     assert part in str(caught.value)
 

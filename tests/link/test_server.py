@@ -206,7 +206,9 @@ def test_run_before_hello_is_refused() -> None:
     on_bench(run)
 
 
-def test_a_client_that_stops_reading_costs_a_bounded_queue_and_is_told_of_its_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_stops_reading_costs_a_bounded_queue_and_is_told_of_its_loss(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("onboard.server.QUEUE_BYTES", 20_000)
     monkeypatch.setattr("onboard.server.SEND_HIGH_WATER_MARK", 1)
 

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from harness import Process, command
+
+from tests.system.harness import Process, command
 
 CONFIG = """
 [boat]
@@ -99,7 +100,9 @@ def test_check_names_a_missing_a_busy_and_a_wrong_port(tmp_path: Path, serial_po
     holder = Process("wayfix-onboard", "run", write_config(tmp_path, serial_port))
     try:
         holder.ready()
-        assert "busy; another program holds it" in refused("wayfix-onboard", "check", write_config(tmp_path, serial_port))
+        assert "busy; another program holds it" in refused(
+            "wayfix-onboard", "check", write_config(tmp_path, serial_port)
+        )
     finally:
         holder.end()
     plain = tmp_path / "plain.txt"

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness import command
 
 from common.codec import decode_frame
 from shore.logbook.read import read_log
+from tests.system.harness import command
 
 BLUEBOAT = Path(__file__).parents[3] / "shared" / "data" / "blueboat-usv" / "fixed_00000235.csv"
 BLUEBOAT_MAP = Path(__file__).parents[2] / "deploy" / "examples" / "blueboat-map.toml"

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness import command
 
 from common.codec import decode_frame
 from common.messages import Frame
 from common.units import NS_PER_S
 from shore.logbook.read import read_log
+from tests.system.harness import command
 
 SECONDS, SPEED = 40, 8
 RATES = {"gps1": 1, "compass1": 10, "imu1": 20}
@@ -20,7 +20,9 @@ RATES = {"gps1": 1, "compass1": 10, "imu1": 20}
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], list[Frame], list[dict[str, Any]]]:
     directory = tmp_path_factory.mktemp("loopback")
-    done = command("wayfix", "demo", "--seconds", str(SECONDS), "--speed", str(SPEED), "--log", directory, "--headless", "--json")
+    done = command(
+        "wayfix", "demo", "--seconds", str(SECONDS), "--speed", str(SPEED), "--log", directory, "--headless", "--json"
+    )
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout.splitlines()[-1])
     frames = [decode_frame(data) for data in read_log(summary["log"]).frames()]

@@ -1,16 +1,17 @@
-"""Starting, stopping, killing: every process ends within 2 s with the log closed, and the others say one clear sentence."""
+"""Starting, stopping, killing: a process ends within 2 s with its log closed, the others say one clear sentence."""
 
 import json
 import os
 import signal
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from harness import Process, boat, command
 
 from common.codec import decode_frame
 from shore.logbook.read import read_log
+from tests.system.harness import Process, boat, command
 
 STOP_S = 2.0
 
@@ -27,7 +28,9 @@ def newest_log(directory: Path) -> Path:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_each_process_within_two_seconds_with_the_log_closed(tmp_path: Path, number: signal.Signals) -> None:
+def test_a_signal_ends_each_process_within_two_seconds_with_the_log_closed(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     with boat(tmp_path) as running:
         station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
         station.wait_for_words("| frames")
@@ -146,7 +149,9 @@ def test_a_killed_demo_takes_its_children_along(tmp_path: Path) -> None:
 def test_connect_with_m_frames_gives_exactly_m_consecutive_ones(tmp_path: Path) -> None:
     with boat(tmp_path, speed=16) as running:
         log = tmp_path / "log"
-        done = command("wayfix", "connect", running.address, "--frames", "100", "--period", "0.2", "--log", log, "--json")
+        done = command(
+            "wayfix", "connect", running.address, "--frames", "100", "--period", "0.2", "--log", log, "--json"
+        )
         assert done.returncode == 0, done.stderr
         frames = [decode_frame(data) for data in read_log(newest_log(log)).frames()]
         assert len(frames) == json.loads(done.stdout.splitlines()[-1])["frames"]["received"] == 100
@@ -162,7 +167,7 @@ def test_the_synchronous_step_gives_one_estimate_a_step(tmp_path: Path) -> None:
         done = command("wayfix", "connect", running.address, "--frames", "20", "--step", "1", "--log", log)
         assert done.returncode == 0, done.stderr
         estimates = list(read_log(newest_log(log)).estimates())
-        steps = [b["t_ns"] - a["t_ns"] for a, b in zip(estimates, estimates[1:], strict=False)]
+        steps = [b["t_ns"] - a["t_ns"] for a, b in pairwise(estimates)]
         assert len(estimates) >= 15
         assert set(steps) == {1_000_000_000}
 
