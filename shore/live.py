@@ -181,7 +181,7 @@ class LiveRun:
             self.writer.sync()
         silent_s = self._link.silent_s()
         if silent_s is None:
-            self._say(self._status.text(self.tally.received, self.tally.missing))
+            self._say(self._counted())
             return
         if self._lost_since_ns is None:
             self._lost_since_ns = boottime_ns() - int(silent_s * NS_PER_S)
@@ -190,7 +190,12 @@ class LiveRun:
             # A bounded run cannot be carried on without the board's spool: frames would be missing.
             self.broken = self._options.frames is not None
         if not self.broken:
+            lost_s = (boottime_ns() - self._lost_since_ns) / NS_PER_S
+            self._say(f"LINK LOST for {lost_s:.0f} s, trying again | before: {self._counted()}")
             self._begin_again()
+
+    def _counted(self) -> str:
+        return self._status.text(self.tally.received, self.tally.missing)
 
     def _begin_again(self) -> None:
         """Throw the socket away and greet anew; a restarted board or a new address is found like this."""

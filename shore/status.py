@@ -8,16 +8,8 @@ from common.sensors import BoatConfig, stale_after_s
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 
-_QUALITY = {
-    0: "no fix",
-    1: "GPS",
-    2: "DGPS",
-    4: "RTK fixed",
-    5: "RTK float",
-    6: "estimated",
-    7: "manual",
-    8: "simulated",
-}
+_QUALITY = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
+"""GGA quality of fixes that are fused."""
 
 
 class StatusLine:
@@ -41,15 +33,18 @@ class StatusLine:
 
     def text(self, received: int, missing: int) -> str:
         """The line."""
-        counts = f"frames {received}, missing {missing}"
-        return " | ".join((self._estimate_text(), self._fix_text(), self._heading_text(), counts))
+        return (
+            f"{self._estimate_text()} | {self._fix_text()} | {self._heading_text()}"
+            f" | frames {received}, missing {missing}"
+        )
 
     def _estimate_text(self) -> str:
         estimate = self._estimate
         if estimate is None:
             return f"{self._filter}: waiting"
+        sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
         return (
-            f"{self._filter} {position_text(estimate.lat_deg, estimate.lon_deg)} ±{hypot(estimate.sigma_east_m, estimate.sigma_north_m):.1f} m,"
+            f"{self._filter} {position_text(estimate.lat_deg, estimate.lon_deg)} ±{sigma_m:.1f} m,"
             f" heading {estimate.heading_true_deg:05.1f}° ±{estimate.sigma_heading_deg:.1f}°, {estimate.sog_kn:.1f} kn"
         )
 

@@ -1,0 +1,58 @@
+"""The board has no numpy: the daemon runs with it (and what the station needs) blocked."""
+
+import os
+import pty
+import subprocess
+import sys
+import tty
+from pathlib import Path
+
+from tests.system.harness import command
+
+CONFIG = """
+[boat]
+id = "b"
+[link]
+bind = "tcp://127.0.0.1:*"
+[[port]]
+name = "p"
+path = "{path}"
+[[sensor]]
+id = "compass1"
+port = "p"
+role = "compass"
+"""
+
+BLOCKED = ("numpy", "scipy", "pyais", "mcap", "rich", "matplotlib", "pygeomag")
+PROGRAM = f"""
+import sys
+for name in {BLOCKED!r}:
+    sys.modules[name] = None
+from onboard.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_the_daemon_delivers_frames_with_numpy_blocked(tmp_path: Path) -> None:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    config = tmp_path / "boat.toml"
+    config.write_text(CONFIG.format(path=os.ttyname(slave)), encoding="utf-8")
+    line = [sys.executable, "-c", PROGRAM, "run", str(config)]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as daemon:
+        try:
+            assert daemon.stdout is not None
+            ready = daemon.stdout.readline()
+            assert ready.startswith('{"ready"'), daemon.communicate(timeout=5)
+            address = ready.split('"bind": "')[1].split('"')[0]
+            os.write(master, b"$HCHDG,123.4,,,,*46\r\n")
+            done = command("wayfix", "connect", address, "--frames", "5", "--period", "0.1")
+            assert done.returncode == 0, done.stderr
+            assert "compass1: compass1 delivers" in done.stderr or "compass1 delivering" in done.stderr
+        finally:
+            daemon.terminate()
+            _, errors = daemon.communicate(timeout=5)
+            os.close(master)
+            os.close(slave)
+    assert "Traceback" not in errors
+    assert daemon.returncode == 0
