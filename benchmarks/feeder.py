@@ -131,7 +131,7 @@ class Ptys:
 
 
 def feed(ptys: Ptys, sources: list[Stream], stop: threading.Event, portion: int) -> int:
-    """Write lines until `stop`, in portions of so many bytes (0 = whole); returns the writes that a full pty refused."""
+    """Write lines until `stop`, in portions of so many bytes (0 = whole); returns the writes a full pty refused."""
     refused = order = 0
     start_ns = boottime_ns() + 50 * NS_PER_MS
     due = [(start_ns + stream.phase_ns, number, stream, b"") for number, stream in enumerate(sources)]

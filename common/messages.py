@@ -41,7 +41,7 @@ class Fix:
     alt_m: float | None = None
     """Above mean sea level."""
     fix_quality: Annotated[int, Range(0, 9)] | None = None
-    """GGA: 0 none, 1 GPS, 2 DGPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator."""
+    """GGA: 0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator."""
     fix_mode: Annotated[int, Range(1, 3)] | None = None
     """GSA: 1 none, 2 = 2D, 3 = 3D."""
     status_valid: bool | None = None
@@ -249,7 +249,10 @@ UTC_SOURCES: Final = ("none", "rtc", "ntp", "gnss", "pps")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """Everything that arrived in [t0_ns, t1_ns), each measurement with its own time. Identity is (boot_id, seq)."""
+    """What became known in [t0_ns, t1_ns), each measurement with its own time, which may lie before t0_ns.
+
+    Identity is (boot_id, seq).
+    """
 
     boat_id: Annotated[str, MaxLength(64)]
     boot_id: Annotated[str, MaxLength(16)]

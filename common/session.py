@@ -4,8 +4,10 @@ One ROUTER socket on board, one DEALER for each client. A message is one Message
 message has a second part with the frame's bytes, unchanged from board to log.
 
     client -> board   hello      {schema, client}
-    board  -> client  connected  {schema, boat_id, boot_id, clock_id, start_no, next_seq, config, versions, sensors}
-    client -> board   run        {m, period_s}      m frames of one period each, in order, none skipped, then `end`
+    board  -> client  connected  {schema, boat_id, boot_id, clock_id, start_no, next_seq, clock_rate, config, versions,
+                                  sensors}
+    client -> board   run        {m, period_s}      m frames of one period each, in order, none skipped, then `end`;
+                                                    without period_s the board's own frames
                       run        {}                 continuous: every frame from `next_seq` on, until bye or end
     board  -> client  frame      {k}                + frame bytes; k = 1..m
                       end        {sent, next_seq, reason}   ends the session, never the daemon
@@ -54,7 +56,7 @@ def unpack(data: bytes) -> dict[str, Any]:
 
 
 def schema_fault(other: object) -> str | None:
-    """Why we cannot talk to a peer of schema `other`, or `None`; equal major versions always can."""
+    """Why we cannot talk to a peer of schema `other`, or `None`: the numbers must be equal (`SCHEMA_VERSION`)."""
     if not isinstance(other, int) or isinstance(other, bool):
         return "the other side names no schema version"
     if other == SCHEMA_VERSION:

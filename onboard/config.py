@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Final
 
 from common.errors import SettingsError, WayfixError
 from common.sensors import ROLES, BoatConfig, PortTable, SensorTable
@@ -12,6 +13,9 @@ _SENSOR_ID = re.compile(rf"({'|'.join(ROLES)})([1-9]\d?)")
 
 # Bytes one measurement costs on the wire, generous: a GPS epoch with its satellite tables, an ArduIMU line, ...
 _NOMINAL_BYTES = {"gps": 500, "imu": 160, "gyro": 40, "compass": 80, "ais": 4000, "radar": 2000}
+WHOLE_RATES_HZ: Final = (1, 2, 4, 5, 8, 10, 16, 20)
+"""Rates whose period is a whole number of microseconds and divides the second."""
+
 _BUDGET_FACTOR = 4
 _LEAST_BUDGET_BYTES_S = 2000
 
@@ -46,6 +50,11 @@ def _faults(config: BoatConfig) -> list[str]:
     ports = [port.name for port in config.port]
     paths = [port.path for port in config.port]
     ids = [sensor.id for sensor in config.sensor]
+    if config.frames.rate_hz not in WHOLE_RATES_HZ:
+        known = ", ".join(f"{rate:g}" for rate in WHOLE_RATES_HZ)
+        faults.append(
+            f"frames.rate_hz: must be one of {known} (frames begin on whole seconds), got {config.frames.rate_hz:g}"
+        )
     faults += [f"[[port]] {name}: name given twice" for name in _repeated(ports)]
     faults += [f"[[port]]: path {path} given twice, put its sensors on one port" for path in _repeated(paths)]
     faults += [f"[[sensor]] {name}: id given twice" for name in _repeated(ids)]

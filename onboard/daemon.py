@@ -18,7 +18,7 @@ from typing import Any, Final
 from common.clock import BoatClock, machine_clock_id
 from common.errors import WayfixError
 from common.events import event
-from common.messages import ClockPair, Event, Frame
+from common.messages import ClockPair, Event, Frame, RawLine
 from common.sensors import ROLES, BoatConfig, PortTable
 from common.settings import as_dict
 from common.units import NS_PER_S, NS_PER_US
@@ -38,6 +38,8 @@ log = logging.getLogger(__name__)
 DRAIN_S: Final = 0.5
 CATCH_UP_NS: Final = 60 * NS_PER_S
 """A board that slept longer than this (suspend) leaves a hole in the grid instead of a burst of empty frames."""
+COMPANIONS: Final = (RawLine, ClockPair)
+"""What comes along with a measurement and is none itself: not counted in a sensor's rate."""
 _LOG_LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 
@@ -94,7 +96,8 @@ class PortChain:
     def flush(self, now_ns: int) -> None:
         """What is due without another line, and the end of a flood."""
         for measurement in self.decoder.flush(self._splitter.complete_until(now_ns)):
-            self._daemon.monitors[measurement.sensor].measured(now_ns)
+            if not isinstance(measurement, COMPANIONS):
+                self._daemon.monitors[measurement.sensor].measured(now_ns)
             self._daemon.take(measurement)
         if self._flood_ns is not None and now_ns - self._flood_ns > NS_PER_S:
             self._flood_ns = None
@@ -124,7 +127,8 @@ class PortChain:
 
     def _count(self, outcome: object, t_ns: int) -> None:
         if isinstance(outcome, Accepted):
-            self._daemon.monitors[outcome.sensor].accept(t_ns, len(outcome.measurements))
+            measured = any(not isinstance(item, COMPANIONS) for item in outcome.measurements)
+            self._daemon.monitors[outcome.sensor].accept(t_ns, measured)
             for measurement in outcome.measurements:
                 self._daemon.take(measurement)
         elif isinstance(outcome, Rejected):

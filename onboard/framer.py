@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any, Final
 
 from common.messages import (
@@ -71,8 +72,8 @@ class ImuGatherer:
         if not samples:
             return None
         self._samples = [sample for sample in self._samples if sample.t_ns >= t1_ns]
-        for sample in samples:
-            self._integrate(sample)
+        for t_ns, together in groupby(samples, key=lambda sample: sample.t_ns):
+            self._integrate(t_ns, list(together))
         first_ns = min(sample.t_ns for sample in samples)
         return with_means(
             ImuBlock(
@@ -90,16 +91,16 @@ class ImuGatherer:
             )
         )
 
-    def _integrate(self, sample: ImuSample) -> None:
-        """A sample covers the interval that ends at its time."""
-        if self._last_ns is not None and 0 < sample.t_ns - self._last_ns <= self._gap_ns:
-            dt_s = (sample.t_ns - self._last_ns) / NS_PER_S
-            self._sums[0] += sample.accel_fwd_m_s2 * dt_s
-            self._sums[1] += sample.accel_stb_m_s2 * dt_s
-            self._sums[2] += sample.yaw_rate_deg_s * dt_s
+    def _integrate(self, t_ns: int, samples: list[ImuSample]) -> None:
+        """A sample covers the interval that ends at its time; those of one chunk share it, and their mean counts."""
+        if self._last_ns is not None and 0 < t_ns - self._last_ns <= self._gap_ns * len(samples):
+            dt_s = (t_ns - self._last_ns) / NS_PER_S
+            self._sums[0] += _mean([sample.accel_fwd_m_s2 for sample in samples]) * dt_s
+            self._sums[1] += _mean([sample.accel_stb_m_s2 for sample in samples]) * dt_s
+            self._sums[2] += _mean([sample.yaw_rate_deg_s for sample in samples]) * dt_s
             self._time_s += dt_s
-        self._last_ns = sample.t_ns
-        self._count += 1
+        self._last_ns = t_ns
+        self._count += len(samples)
 
 
 class Framer:

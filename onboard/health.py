@@ -34,11 +34,11 @@ class SensorMonitor:
         self._state: str | None = None
         self._reported_ns = 0
 
-    def accept(self, t_ns: int, measurements: int) -> None:
-        """A good line at `t_ns` that gave this many measurements."""
+    def accept(self, t_ns: int, measured: bool) -> None:
+        """A good line at `t_ns`; measured = it completed a measurement (a fix, a sample, a heading)."""
         self.accepted += 1
         self._last_good_ns = t_ns
-        if measurements:
+        if measured:
             self._recent.append(t_ns)
 
     def measured(self, t_ns: int) -> None:

@@ -15,6 +15,7 @@ import zmq
 import zmq.asyncio
 
 from common import session
+from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.errors import CodecError, WayfixError
 from common.events import event
@@ -27,6 +28,9 @@ log = logging.getLogger(__name__)
 MAX_CLIENTS: Final = 32
 QUEUE_BYTES: Final = 4 * 2**20
 """About half a minute of the heaviest load; the spool takes over in the link's next form."""
+GREETING_NS: Final = 10 * NS_PER_S
+"""A client that said hello and asks for nothing for so long is forgotten: nothing is ever sent to it, so no send would
+fail when it is gone."""
 SEND_HIGH_WATER_MARK: Final = 64
 SEND_BUFFER_BYTES: Final = 32_768
 """Small, so that what waits for a slow client waits in our queue and not, unseen, in the kernel's."""
@@ -38,6 +42,8 @@ class Session:
     """What one client asked for and what it has been sent."""
 
     client: str
+    greeted_ns: int
+    """Boottime of the last hello."""
     running: bool = False
     frames_left: int | None = None
     """None = continuous."""
@@ -111,11 +117,14 @@ class Server:
         for identity, client in list(self._sessions.items()):
             if not client.running:
                 _hold(client, encoded)
-            elif not client.ending:
+                if boottime_ns() - client.greeted_ns > GREETING_NS:
+                    self._forget(identity, "it greeted and asked for nothing")
+                continue
+            if not client.ending:
                 if client.period_ns == 0:
                     self._enqueue(client, encoded)
                 elif (merged := self._gather(client, frame)) is not None:
-                    self._enqueue(client, encode_frame(merged))
+                    self._enqueue_merged(client, merged)
             self._push(identity, client)
 
     def end_all(self, reason: str) -> None:
@@ -162,8 +171,9 @@ class Server:
                 self._reply(identity, session.pack("error", what=f"{MAX_CLIENTS} clients are connected", cure=cure))
                 return
             name = str(message.get("client", ""))[:32] or identity.hex()
-            self._sessions[identity] = Session(client=name)
+            self._sessions[identity] = Session(name, boottime_ns())
             self._on_event(event("client-joined", self._now_ns(), "link", client=name))
+        self._sessions[identity].greeted_ns = boottime_ns()
         self._reply(identity, session.pack("connected", schema=SCHEMA_VERSION, **self._connected()))
 
     def _run(self, identity: bytes, client: Session, message: dict[str, Any]) -> None:
@@ -176,6 +186,8 @@ class Server:
         period_ns = round(period_s * NS_PER_S) if period_s is not None else 0
         client.period_ns = 0 if period_ns == self._frame_period_ns else period_ns
         client.running = True
+        client.sent, client.period_start_ns = 0, None
+        client.gathered.clear()
         held, client.held = client.held, deque()
         client.held_bytes = 0
         if client.frames_left is None and client.period_ns == 0:
@@ -211,6 +223,13 @@ class Server:
         while client.queued_bytes > QUEUE_BYTES:
             client.queued_bytes -= len(client.queue.popleft()[-1])
             client.dropped += 1
+
+    def _enqueue_merged(self, client: Session, frame: Frame) -> None:
+        """A long period of many sensors may pass the limits of one frame; the client is told, the daemon lives."""
+        try:
+            self._enqueue(client, encode_frame(frame))
+        except CodecError as error:
+            self._end(client, f"a frame of this period is too large ({error.what}); ask for a shorter one")
 
     def _end(self, client: Session, reason: str) -> None:
         if not client.ending:
@@ -263,6 +282,7 @@ def _hold(client: Session, data: bytes) -> None:
     client.held_bytes += len(data)
     while client.held_bytes > QUEUE_BYTES:
         client.held_bytes -= len(client.held.popleft())
+        client.dropped += 1
 
 
 def run_fault(message: dict[str, Any], frame_period_ns: int) -> str | None:

@@ -12,12 +12,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.angles import difference_deg
+from common.angles import difference_deg, heading_deg
 from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.messages import Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S
+from shore.navigation.measurements import Reader
 
 Array = NDArray[np.float64]
 
@@ -102,8 +103,7 @@ class Score:
         self.reference = reference
         self.position: dict[str, Errors] = {"gps": Errors()}
         self.heading: dict[str, Errors] = {"compass": Errors()}
-        self._variation_deg = config.boat.variation_deg or 0.0
-        self._deviation_deg = {sensor.id: sensor.deviation_deg for sensor in config.sensor}
+        self._reader = Reader(config, lambda _event: None)
 
     def take_frame(self, frame: Frame) -> None:
         """Raw fixes and headings of one frame."""
@@ -111,12 +111,9 @@ class Score:
             if fix.usable and fix.lat_deg is not None and fix.lon_deg is not None:
                 self._position("gps", fix.t_ns, fix.lat_deg, fix.lon_deg)
         for reading in frame.headings:
-            true_deg = reading.heading_true_deg
-            if true_deg is None and reading.heading_mag_deg is not None:
-                variation_deg = self._variation_deg if reading.variation_deg is None else reading.variation_deg
-                true_deg = reading.heading_mag_deg + self._deviation_deg.get(reading.sensor, 0.0) + variation_deg
-            if true_deg is not None:
-                self._heading("compass", reading.t_ns, true_deg)
+            true = self._reader.true_heading(reading)
+            if true is not None:
+                self._heading("compass", reading.t_ns, heading_deg(true.heading_rad))
 
     def take_estimate(self, record: dict[str, Any]) -> None:
         """One logged estimate (see `Estimate.as_record`)."""

@@ -75,6 +75,7 @@ model = "arduimux"
         ("[boat]\nid = 'x'\n", "[[port]]: none given"),
         ("[boat]\nid = 'x'\nwarp = 9\n", "boat.warp: unknown key"),
         ("[boat]\nid = 'x'\n[frames]\nrate_hz = 50\n", "frames.rate_hz: must be <= 20, got 50"),
+        ("[boat]\nid = 'x'\n[frames]\nrate_hz = 3\n", "frames.rate_hz: must be one of 1, 2, 4"),
     ],
 )
 def test_broken_files_name_key_and_cure(tmp_path: Path, text: str, part: str) -> None:

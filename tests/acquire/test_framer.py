@@ -55,6 +55,15 @@ def test_a_gap_is_not_integrated_and_not_counted_as_covered() -> None:
     assert math.isclose(block.sum_accel_fwd_m_s, 0.1)
 
 
+def test_samples_that_share_a_stamp_count_with_their_mean() -> None:
+    gathered = framer()
+    for t_ms, fwd in ((0, 0.0), (100, 1.0), (100, 3.0), (150, 1.0)):
+        gathered.add(sample(t_ms * NS_PER_MS, fwd=fwd))
+    block = gathered.tick(NS_PER_S, NO_UTC, 0, ()).imu[0]
+    assert math.isclose(block.sum_accel_fwd_m_s, 0.1 * 2.0 + 0.05 * 1.0)
+    assert block.sum_count == 4
+
+
 def test_sums_do_not_contain_samples_that_wait_for_the_next_frame() -> None:
     gathered = framer()
     for k in range(5):

@@ -19,7 +19,7 @@ def test_missing_then_silent_then_delivering_then_silent_with_one_event_each() -
     assert report(watched, 0).state == "missing"
     watched.port_changed(None, NS_PER_S)
     assert report(watched, 1).state == "silent"
-    watched.accept(2 * NS_PER_S, 1)
+    watched.accept(2 * NS_PER_S, True)
     health, happened = watched.report(2 * NS_PER_S)
     assert health is not None
     assert health.state == "delivering"
@@ -37,14 +37,14 @@ def test_health_is_reported_once_a_second_and_on_every_change() -> None:
     watched.port_changed(None, 0)
     reports = [watched.report(k * NS_PER_S // 10)[0] for k in range(30)]
     assert sum(item is not None for item in reports) == 3
-    watched.accept(int(2.95 * NS_PER_S), 1)
+    watched.accept(int(2.95 * NS_PER_S), True)
     assert watched.report(int(2.95 * NS_PER_S))[0] is not None
 
 
 def test_stale_after_follows_the_configured_rate() -> None:
     slow = monitor(rate_hz=0.1)
     slow.port_changed(None, 0)
-    slow.accept(0, 1)
+    slow.accept(0, True)
     assert slow.state(49 * NS_PER_S)[0] == "delivering"
     assert slow.state(51 * NS_PER_S)[0] == "silent"
 
@@ -70,7 +70,7 @@ def test_rate_is_of_measurements_not_of_lines() -> None:
     watched = monitor("gps")
     watched.port_changed(None, 0)
     for k in range(30):  # three sentences a second, one fix a second
-        watched.accept(k * NS_PER_S // 3, 0)
+        watched.accept(k * NS_PER_S // 3, False)
     for k in range(10):
         watched.measured(k * NS_PER_S)
     assert report(watched, 9.5).rate_hz == 1.0

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ import zmq.asyncio
 from common import session
 from common.codec import decode_frame
 from common.errors import WayfixError
-from common.messages import SCHEMA_VERSION, Event, Frame
+from common.messages import SCHEMA_VERSION, Event, Frame, RawLine
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.server import Server, run_fault
 
@@ -192,6 +193,49 @@ def test_another_schema_is_refused_with_a_sentence() -> None:
         await client.say("hello", schema=SCHEMA_VERSION + 1)
         refusal = await client.expect("error")
         assert "the other side is newer" in refusal["what"]
+
+    on_bench(run)
+
+
+def test_a_client_that_greets_and_asks_for_nothing_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("onboard.server.GREETING_NS", 0)
+
+    async def run(bench: Bench) -> None:
+        for _ in range(3):
+            await bench.joined()
+        bench.publish(1)
+        assert bench.server._sessions == {}
+        assert [item.code for item in bench.events].count("client-left") == 3
+
+    on_bench(run)
+
+
+def test_a_second_run_counts_from_one_again() -> None:
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        await client.say("run")
+        await bench.settle()
+        bench.publish(3)
+        await client.say("run", m=2)
+        await bench.settle()
+        bench.publish(2)
+        ks = [(await client.hear())[0]["k"] for _ in range(5)]
+        assert ks == [1, 2, 3, 1, 2]
+        assert (await client.expect("end"))["sent"] == 2
+
+    on_bench(run)
+
+
+def test_a_merged_frame_over_the_limits_ends_the_session_and_not_the_daemon() -> None:
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        await client.say("run", m=2, period_s=1)
+        await bench.settle()
+        lines = tuple(RawLine(sensor="gps1", t_ns=0, text="x" * 500) for _ in range(1000))
+        for seq in range(20):
+            bench.server.publish(replace(frame(seq), raw=lines))
+        assert "too large" in (await client.expect("end"))["reason"]
+        assert bench.server._sessions == {}
 
     on_bench(run)
 

@@ -1,3 +1,5 @@
+from typing import Any
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,11 +15,11 @@ CONFIG = BoatConfig(
 )
 
 
-def frame(t1_s: float, **lists: object) -> Frame:
+def frame(t1_s: float, **lists: Any) -> Frame:
     t1_ns = int(t1_s * NS_PER_S)
     return Frame(
         boat_id="b", boot_id="0" * 16, seq=0, clock_id="c", start_no=0, t0_ns=t1_ns - 1000, t1_ns=t1_ns, **lists
-    )  # type: ignore[arg-type]
+    )
 
 
 def test_every_number_has_its_age_and_a_stale_one_says_so() -> None:
