@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from common.errors import WayfixError
+from common.errors import LinkError, WayfixError
 
 # Five-by-five matrices get slower, and timings jump, when a linear algebra library starts threads for them.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -95,6 +95,10 @@ def _connect(arguments: argparse.Namespace) -> int:
         try:
             live = LiveRun(link, options, stop, _say)
             tally = live.run()
+        except LinkError:
+            if stop():  # Ctrl-C while nobody had answered yet
+                return 0
+            raise
         finally:
             link.close()
     counts = {"received": tally.received, "missing": tally.missing}

@@ -107,7 +107,8 @@ def boat(directory: Path, *, speed: float = 4.0, seconds: float = 600.0) -> Iter
     place = ("--dir", directory / "boat", "--bind", "tcp://127.0.0.1:*")
     processes: list[Process] = []
     try:
-        virtual = Process("wayfix-onboard", "virtual", "--scenario", "5.3", "--seconds", f"{seconds:g}", *place, *clock)
+        length = ("--seconds", f"{seconds:g}", "--until-stdin-closes")
+        virtual = Process("wayfix-onboard", "virtual", "--scenario", "5.3", *length, *place, *clock)
         processes.append(virtual)
         ready = virtual.ready()
         daemon = Process("wayfix-onboard", "run", ready["config"], *clock)

@@ -64,6 +64,39 @@ def test_a_signal_ends_the_demo_and_its_children_within_two_seconds(tmp_path: Pa
         demo.end()
 
 
+def test_a_signal_ends_a_station_that_nobody_has_answered_yet() -> None:
+    station = Process("wayfix", "connect", "127.0.0.1:1")
+    time.sleep(1.0)  # it has no word to say before the answer
+    station.send(signal.SIGINT)
+    assert ends_within(station, STOP_S) == 0
+    assert station.err == []
+
+
+def test_a_port_pulled_and_plugged_again_is_one_event_each_and_frames_go_on(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
+        try:
+            station.wait_for_words("| frames")
+            running.virtual.tell("unplug compass")
+            running.daemon.wait_for_words("compass lost: the device is gone")
+            time.sleep(1.0)
+            running.virtual.tell("replug compass")
+            plugged = time.monotonic()
+            running.daemon.wait_for(lambda me: sum("compass open at" in line for line in me.err) == 2)
+            assert time.monotonic() - plugged < 3.0
+            time.sleep(0.5)
+            station.send(signal.SIGTERM)
+            station.finish()
+            codes = [(item["source"], item["code"]) for item in read_log(newest_log(tmp_path / "log")).events()]
+            assert codes.count(("compass", "port-lost")) == 1
+            assert codes.count(("compass", "port-opened")) == 1
+            frames = [decode_frame(data) for data in read_log(newest_log(tmp_path / "log")).frames()]
+            assert any(frame.headings for frame in frames[-5:])
+            assert [frame.seq for frame in frames] == list(range(frames[0].seq, frames[0].seq + len(frames)))
+        finally:
+            station.end()
+
+
 def test_killing_the_daemon_leaves_the_station_with_one_sentence(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
         station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
