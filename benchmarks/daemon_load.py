@@ -32,7 +32,7 @@ FLOOD_BUDGET_BYTES_S: Final = 20_000
 FLOODED: Final = "compass99"
 GOALS: Final = ("goal", "<= 6 (flood 10)", "<= 40", "", "", "<= 1 / 10", "<= 2 / 20", "0", "0", "", "")
 HEAD: Final = (
-    "load", "CPU %", "PSS MB", "RSS MB", "PSS kB/h", "stamp p50/p99 ms", "tick -> client p50/p99 ms", "frames lost",
+    "load", "CPU %", "PSS MB", "RSS MB", "own kB/h", "stamp p50/p99 ms", "tick -> client p50/p99 ms", "frames lost",
     "lines lost", "lines sent / accepted", "feeder, client CPU %",
 )  # fmt: skip
 
@@ -47,8 +47,8 @@ class Figures:
     user_percent: float
     pss_mb: float
     rss_mb: float
-    pss_slope_kb_h: float | None
-    """`None` for runs too short to tell."""
+    own_slope_kb_h: float | None
+    """Of anonymous memory, which no other process can change; `None` for runs too short to tell."""
     stamp_p50_ms: float
     stamp_p99_ms: float
     stamp_max_ms: float
@@ -120,7 +120,7 @@ class Observed:
     after: Usage
     pss_kb: int
     rss_kb: int
-    pss_samples: list[tuple[float, int]]
+    own_samples: list[tuple[float, int]]
     client: Client
     fed: dict[str, Any]
     """The devices' log."""
@@ -155,7 +155,7 @@ def _observe(load: Load, place: Path, ports: dict[str, str], feeders: list[Child
             # At most 200 samples: reading them holds a lock of the daemon for a moment.
             t_s = time.monotonic()
             if not samples or t_s - samples[-1][0] >= max(5.0, load.seconds / 200):
-                samples.append((t_s, kilobytes(pid, "smaps_rollup", "Pss:")))
+                samples.append((t_s, kilobytes(pid, "smaps_rollup", "Anonymous:")))
 
         client = Client(daemon.line()["ready"]["bind"], names)
         for feeder in feeders:
@@ -187,7 +187,7 @@ def _figures(load: Load, run: Observed) -> Figures:
         user_percent=(after.user - before.user) * percent,
         pss_mb=run.pss_kb / 1024,
         rss_mb=run.rss_kb / 1024,
-        pss_slope_kb_h=slope_kb_h(run.pss_samples),
+        own_slope_kb_h=slope_kb_h(run.own_samples),
         stamp_p50_ms=quantile(stamps_ns, 0.5) / NS_PER_MS,
         stamp_p99_ms=quantile(stamps_ns, 0.99) / NS_PER_MS,
         stamp_max_ms=max(stamps_ns) / NS_PER_MS,
@@ -253,7 +253,7 @@ def table_row(runs: Sequence[Figures]) -> str:
             median("cpu_percent"),
             median("pss_mb", 1),
             median("rss_mb", 1),
-            median("pss_slope_kb_h", 0),
+            median("own_slope_kb_h", 0),
             f"{median('stamp_p50_ms')} / {median('stamp_p99_ms')}",
             f"{median('client_p50_ms')} / {median('client_p99_ms')}",
             str(sum(run.frames_lost for run in runs)),
