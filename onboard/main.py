@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="wayfix-onboard", description="Wayfix on the boat.")
     parser.add_argument("-v", "--verbose", action="store_true", help="log details too")
+    parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="poll the sensors and stream frames", description=_run.__doc__)
@@ -93,6 +95,7 @@ def _check(arguments: argparse.Namespace) -> int:
     config = load(arguments.config)
     print(f"{arguments.config}: boat {config.boat.id}, {len(config.port)} ports, {len(config.sensor)} sensors")
     faults = []
+    width = max(len(port.path) for port in config.port)
     for port in config.port:
         sensors = ", ".join(sensor.id for sensor in config.sensor if sensor.port == port.name) or "no sensor"
         try:
@@ -101,7 +104,7 @@ def _check(arguments: argparse.Namespace) -> int:
         except OPEN_ERRORS as error:
             state = reason_of(error)
             faults.append(f"{port.name} ({port.path}): {state}")
-        print(f"  {port.name:12} {port.path:32} {port.baud:>7} baud  {sensors}: {state}")
+        print(f"  {port.name:12} {port.path:{width}} {port.baud:>7} baud  {sensors}: {state}")
     if faults:
         cure = "check the path, the plug and who else uses the port"
         raise WayfixError("; ".join(faults), str(arguments.config), cure)

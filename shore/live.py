@@ -11,7 +11,7 @@ from typing import Any
 
 from common.clock import boottime_ns
 from common.codec import decode_frame
-from common.errors import CodecError, LinkError
+from common.errors import CodecError, LinkError, WayfixError
 from common.events import event
 from common.messages import Event, Frame
 from common.sensors import BoatConfig
@@ -19,6 +19,7 @@ from common.settings import convert
 from common.units import NS_PER_S
 from shore.link import Link, Received
 from shore.logbook.record import LogWriter
+from shore.navigation.estimate import Estimate
 from shore.pipeline import Pipeline
 from shore.status import StatusLine
 
@@ -75,6 +76,40 @@ class StopFlag:
         self.reason = signal.Signals(number).name
 
 
+class Recorder:
+    """The log of a live run, if one is wanted. A disk that fills up ends the log, never the run."""
+
+    def __init__(self, directory: Path | None, boat_id: str, say: Callable[[str], None]) -> None:
+        """Raises WayfixError when the directory cannot be written."""
+        self.path: Path | None = None
+        self._say = say
+        self._writer: LogWriter | None = None
+        if directory is not None:
+            self._writer = LogWriter(directory, boat_id, time.time_ns())
+            self.path = self._writer.path
+
+    def write(self, action: Callable[[LogWriter], None]) -> None:
+        """Do something with the writer, while there is one."""
+        if self._writer is None:
+            return
+        try:
+            action(self._writer)
+        except WayfixError as error:
+            self._say(f"error: log: {error}; the run goes on without a log")
+            self._end()
+
+    def close(self) -> None:
+        """Close the log; safe to call twice."""
+        self.write(LogWriter.close)
+        self._writer = None
+
+    def _end(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            with suppress(WayfixError):
+                writer.close()
+
+
 class LiveRun:
     """One station session from `connected` to its end. `say` prints a line for the person at the terminal."""
 
@@ -91,7 +126,7 @@ class LiveRun:
         self._status = StatusLine(self.config, options.filters[0])
         self._next_seq: int | None = None
         self._boot_id = self.connected["boot_id"]
-        self.writer = LogWriter(options.log_dir, self.config.boat.id, time.time_ns()) if options.log_dir else None
+        self._recorder = Recorder(options.log_dir, self.config.boat.id, say)
         self._lost_since_ns: int | None = None
         self.broken = False
         """A bounded run ended because the link broke."""
@@ -99,7 +134,7 @@ class LiveRun:
     @property
     def log_path(self) -> Path | None:
         """The log file, when one is written."""
-        return self.writer.path if self.writer else None
+        return self._recorder.path
 
     def run(self) -> Tally:
         """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
@@ -122,9 +157,9 @@ class LiveRun:
                     next_second_ns += NS_PER_S
                     self._each_second()
         finally:
-            if self.writer:
-                self.writer.write_session({"kind": "end", **self._summary()}, time.time_ns())
-                self.writer.close()
+            end = {"kind": "end", **self._summary()}
+            self._recorder.write(lambda writer: writer.write_session(end, time.time_ns()))
+            self._recorder.close()
         return self.tally
 
     def _receive(self) -> Received | None:
@@ -144,14 +179,12 @@ class LiveRun:
             log.warning("frame not understood: %s", error)
             return
         self.tally.received += 1
-        if self.writer:
-            self.writer.write_frame(data, frame, now_ns)
+        self._recorder.write(lambda writer: writer.write_frame(data, frame, now_ns))
         for happening in self._gap_events(frame):
             self._happened(happening, now_ns)
         output = self._pipeline.push(frame)
-        if self.writer:
-            for estimate in output.estimates:
-                self.writer.write_estimate(estimate.as_record(), now_ns)
+        for estimate in output.estimates:
+            self._write_estimate(estimate, now_ns)
         for happening in (*frame.events, *output.events):
             self._happened(happening, now_ns)
         self._status.take(frame, output.estimates)
@@ -171,14 +204,12 @@ class LiveRun:
             yield event("link-restored", frame.t1_ns, "link", age_s=age_s)
 
     def _happened(self, happening: Event, now_ns: int) -> None:
-        if self.writer:
-            self.writer.write_event(happening, now_ns)
+        self._recorder.write(lambda writer: writer.write_event(happening, now_ns))
         if happening.level != "debug":
             self._say(f"{happening.level}: {happening.source}: {happening.text}")
 
     def _each_second(self) -> None:
-        if self.writer:
-            self.writer.sync()
+        self._recorder.write(LogWriter.sync)
         silent_s = self._link.silent_s()
         if silent_s is None:
             self._say(self._counted())
@@ -211,16 +242,19 @@ class LiveRun:
         if self._options.frames is None and self._next_seq is not None:
             self.tally.missing += max(0, int(end.get("next_seq") or 0) - self._next_seq)
 
+    def _write_estimate(self, estimate: Estimate, now_ns: int) -> None:
+        self._recorder.write(lambda writer: writer.write_estimate(estimate.as_record(), now_ns))
+
     def _write_session(self) -> None:
-        if self.writer:
-            asked = {
-                "filters": list(self._options.filters),
-                "step_s": self._options.step_s,
-                "frames": self._options.frames,
-                "period_s": self._options.period_s,
-            }
-            record = {"kind": "start", "options": asked, "connected": self.connected, "utc_ns": time.time_ns()}
-            self.writer.write_session(record, time.time_ns())
+        asked = {
+            "filters": list(self._options.filters),
+            "step_s": self._options.step_s,
+            "frames": self._options.frames,
+            "period_s": self._options.period_s,
+        }
+        now_ns = time.time_ns()
+        record = {"kind": "start", "options": asked, "connected": self.connected, "utc_ns": now_ns}
+        self._recorder.write(lambda writer: writer.write_session(record, now_ns))
 
     def _summary(self) -> dict[str, Any]:
         tally = self.tally

@@ -6,6 +6,7 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="wayfix", description="Wayfix ashore.")
+    parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     connect = commands.add_parser(

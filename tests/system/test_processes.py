@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import subprocess
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 from common.codec import decode_frame
 from shore.logbook.read import read_log
-from tests.system.harness import Process, boat, command
+from tests.system.harness import BIN, Process, boat, command
 
 STOP_S = 2.0
 
@@ -95,6 +96,17 @@ def test_a_port_pulled_and_plugged_again_is_one_event_each_and_frames_go_on(tmp_
             assert [frame.seq for frame in frames] == list(range(frames[0].seq, frames[0].seq + len(frames)))
         finally:
             station.end()
+
+
+def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
+    with boat(tmp_path, speed=8) as running:
+        # A file size limit is the small brother of a full disk. 1 block = 512 bytes.
+        line = f"ulimit -f 40; exec '{BIN}/wayfix' connect {running.address} --frames 60 --log '{tmp_path}/log'"
+        done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60, check=False)
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.count("the run goes on without a log") == 1
+        assert "Traceback" not in done.stderr
+        assert len(list(read_log(newest_log(tmp_path / "log")).frames())) > 0
 
 
 def test_killing_the_daemon_leaves_the_station_with_one_sentence(tmp_path: Path) -> None:
