@@ -45,6 +45,10 @@ def stale_after_s(role: str, rate_hz: float | None) -> float:
     return max(3.0, 5.0 / (rate_hz or ROLES[role].nominal_rate_hz))
 
 
+LATE_IMU_S: Final = 1.0
+"""An IMU sample covers the whole interval since the one before it, up to this long: lines that wait in a busy board
+come late and in a burst, they are not lost. After a longer interval it covers one period, and the rest is a gap."""
+
 Name = Annotated[str, MaxLength(32)]
 
 

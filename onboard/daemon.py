@@ -19,7 +19,7 @@ from common.clock import BoatClock, machine_clock_id
 from common.errors import WayfixError
 from common.events import event
 from common.messages import ClockPair, Event, Frame, RawLine
-from common.sensors import ROLES, BoatConfig, PortTable
+from common.sensors import BoatConfig, PortTable
 from common.settings import as_dict
 from common.units import NS_PER_S, NS_PER_US
 from onboard.budget import ByteBudget
@@ -162,9 +162,10 @@ class Daemon:
         self.period_ns = round(NS_PER_S / config.frames.rate_hz)
         now_ns = clock.now_ns()
         identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), next_start_no(state_dir))
-        imu_rates = {sensor.id: sensor.rate_hz or ROLES["imu"].nominal_rate_hz for sensor in config.with_role("imu")}
         self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
-        self.framer = Framer(identity, imu_rates, self._next_tick_ns - self.period_ns)
+        self.framer = Framer(
+            identity, [sensor.id for sensor in config.with_role("imu")], self._next_tick_ns - self.period_ns
+        )
         self.monitors = {sensor.id: SensorMonitor(sensor, now_ns) for sensor in config.sensor}
         self.clock_map = ClockMap()
         self.chains = [PortChain(self, table) for table in config.port]

@@ -20,6 +20,7 @@ from common.messages import (
     SensorHealth,
     TurnRate,
 )
+from common.sensors import LATE_IMU_S
 from common.units import NS_PER_S
 from onboard.clockmap import Utc
 from onboard.devices.base import ImuSample, Measurement
@@ -36,9 +37,6 @@ _LIST_OF: Final[dict[type, str]] = {
 }
 _LISTS: Final = (*_LIST_OF.values(), "events")
 
-GAP_PERIODS: Final = 5
-"""An interval longer than this many nominal IMU periods is a gap: not integrated, not counted as covered."""
-
 
 @dataclass(frozen=True, slots=True)
 class Identity:
@@ -53,9 +51,8 @@ class Identity:
 class ImuGatherer:
     """Columns, means and running sums of one IMU."""
 
-    def __init__(self, sensor: str, rate_hz: float) -> None:
+    def __init__(self, sensor: str) -> None:
         self._sensor = sensor
-        self._gap_ns = int(GAP_PERIODS / rate_hz * NS_PER_S)
         self._samples: list[ImuSample] = []
         self._last_ns: int | None = None
         self._sums = [0.0, 0.0, 0.0]
@@ -93,7 +90,7 @@ class ImuGatherer:
 
     def _integrate(self, t_ns: int, samples: list[ImuSample]) -> None:
         """A sample covers the interval that ends at its time; those of one chunk share it, and their mean counts."""
-        if self._last_ns is not None and 0 < t_ns - self._last_ns <= self._gap_ns * len(samples):
+        if self._last_ns is not None and 0 < t_ns - self._last_ns <= LATE_IMU_S * NS_PER_S:
             dt_s = (t_ns - self._last_ns) / NS_PER_S
             self._sums[0] += _mean([sample.accel_fwd_m_s2 for sample in samples]) * dt_s
             self._sums[1] += _mean([sample.accel_stb_m_s2 for sample in samples]) * dt_s
@@ -106,12 +103,12 @@ class ImuGatherer:
 class Framer:
     """Gathers what arrives between two ticks."""
 
-    def __init__(self, identity: Identity, imu_rates_hz: dict[str, float], t0_ns: int) -> None:
-        """imu_rates_hz: nominal rate of each IMU; t0_ns: start of the first frame."""
+    def __init__(self, identity: Identity, imus: Iterable[str], t0_ns: int) -> None:
+        """Imus: their sensor ids; t0_ns: start of the first frame."""
         self.identity = identity
         self.next_seq = 0
         self.t0_ns = t0_ns
-        self._imus = {sensor: ImuGatherer(sensor, rate) for sensor, rate in imu_rates_hz.items()}
+        self._imus = {sensor: ImuGatherer(sensor) for sensor in imus}
         self._lists: dict[str, list[Any]] = {name: [] for name in _LISTS}
 
     def add(self, measurement: Measurement | Event) -> None:

@@ -31,7 +31,7 @@ def config_of(voyage: Voyage) -> BoatConfig:
 
 def frames_of(voyage: Voyage) -> list[Frame]:
     """The frames the board would send: each measurement in the frame in which it arrives."""
-    framer = Framer(Identity("offline", "0" * 16, "clock", 1), {"imu1": voyage.rates.imu_hz}, START_NS)
+    framer = Framer(Identity("offline", "0" * 16, "clock", 1), ["imu1"], START_NS)
     variation_deg = voyage.boat.variation_deg or 0.0
     fixes = ((item.t_s + FIX_DELAY_S, item) for item in voyage.readings if isinstance(item.reading, FixReading))
     others = ((item.t_s, item) for item in voyage.readings if not isinstance(item.reading, FixReading))

@@ -1,7 +1,7 @@
 """The IMU as a function of time: which input drives each stretch of the track.
 
-A sample covers the interval that ends at its time. Shorter gaps than `hold_ns` belong to the next sample; in a longer
-one the last sample is held for `hold_ns`, then nothing is known (`None`). Where frames are missing, the difference of
+A sample covers the interval that ends at its time, up to `LATE_IMU_S`. In a longer gap, and after the newest sample,
+the last one is held for `hold_ns`, then nothing is known (`None`). Where frames are missing, the difference of
 the running sums is one coarse sample over the gap. All of it depends on the set of blocks only, not on their arrival.
 """
 
@@ -13,12 +13,13 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from common.messages import ImuBlock
-from common.sensors import ROLES, SensorTable
+from common.sensors import LATE_IMU_S, ROLES, SensorTable
 from common.units import NS_PER_S
 from shore.navigation.models import ImuInput
 
 HOLD_S: Final = 0.25
 HOLD_PERIODS: Final = 3.0
+_LATE_NS: Final = int(LATE_IMU_S * NS_PER_S)
 LONGEST_STEP_S: Final = 1.0
 MOST_STEPS: Final = 10
 """A stretch above 1 s is predicted in up to ten equal steps: P is then within 1/(4 x 10^2) of the continuous one."""
@@ -171,7 +172,7 @@ class ImuTrack:
             stretches.append(coarse)
             last_ns = coarse.end_ns
         for t_ns, imu, count in zip(block.times_ns, block.inputs, block.counts, strict=True):
-            if last_ns is None or t_ns - last_ns > self._hold_ns:
+            if last_ns is None or t_ns - last_ns > _LATE_NS:
                 last_ns = max(last_ns or 0, t_ns - count * self._period_ns)
             if t_ns > last_ns:
                 stretches.append(Stretch(last_ns, t_ns, imu))

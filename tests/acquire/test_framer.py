@@ -15,8 +15,8 @@ IDENTITY = Identity("boat", "0123456789abcdef", "clock", 1)
 NO_UTC = Utc(None, None, "none")
 
 
-def framer(rate_hz: float = 20.0) -> Framer:
-    return Framer(IDENTITY, {"imu1": rate_hz}, 0)
+def framer() -> Framer:
+    return Framer(IDENTITY, ["imu1"], 0)
 
 
 def sample(t_ns: int, fwd: float = 1.0, yaw: float = 2.0) -> ImuSample:

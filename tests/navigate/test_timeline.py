@@ -300,3 +300,23 @@ def stepped_mean(values: Sequence[float]) -> ImuInput | None:
     track = ImuTrack(IMU)
     track.insert(block(1.0, [sum(values) / len(values)]), "b")
     return track.mean(0, 2 * S)
+
+
+def test_late_lines_in_a_burst_are_not_a_gap() -> None:
+    """A board that was busy for half a second delivers what waited with one stamp: nothing is unknown in between."""
+    track = ImuTrack(IMU)
+    track.insert(block(0.0, [1.0, 1.0, 1.0]), "boot")
+    burst = replace(block(0.6, [2.0, 4.0, 5.0]), offset_us=(0, 0, 10_000))
+    track.insert(burst, "boot")
+    seconds, inputs = zip(*covered(track, 0.1, 0.61), strict=True)
+    assert inputs == (3.0, 5.0)
+    assert seconds == pytest.approx((0.5, 0.01))
+
+
+def test_a_longer_silence_is_a_gap_and_the_next_sample_covers_its_own_period() -> None:
+    track = ImuTrack(IMU)
+    track.insert(block(0.0, [1.0, 1.0, 1.0]), "boot")
+    track.insert(block(2.0, [2.0]), "boot")
+    seconds, inputs = zip(*covered(track, 0.1, 2.0), strict=True)
+    assert inputs == (1.0, None, 2.0)
+    assert seconds == pytest.approx((0.25, 1.6, 0.05))
