@@ -206,7 +206,7 @@ class LiveRun:
     def _happened(self, happening: Event, now_ns: int) -> None:
         self._recorder.write(lambda writer: writer.write_event(happening, now_ns))
         if happening.level != "debug":
-            self._say(f"{happening.level}: {happening.source}: {happening.text}")
+            self._say(f"{happening.level}: {happening.text}")
 
     def _each_second(self) -> None:
         self._recorder.write(LogWriter.sync)

@@ -32,21 +32,18 @@ class StatusLine:
         self._estimate = next((item for item in estimates if item.filter == self._filter), self._estimate)
 
     def text(self, received: int, missing: int) -> str:
-        """The line."""
-        return (
-            f"{self._estimate_text()} | {self._fix_text()} | {self._heading_text()}"
-            f" | frames {received}, missing {missing}"
-        )
+        """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age)."""
+        counts = f"{received} frames, {missing} missing"
+        return f"{self._estimate_text()} | {self._fix_text()} | {self._heading_text()} | {counts}"
 
     def _estimate_text(self) -> str:
         estimate = self._estimate
         if estimate is None:
-            return f"{self._filter}: waiting"
+            return f"{self._filter} waits"
         sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
-        return (
-            f"{self._filter} {position_text(estimate.lat_deg, estimate.lon_deg)} ±{sigma_m:.1f} m,"
-            f" heading {estimate.heading_true_deg:05.1f}° ±{estimate.sigma_heading_deg:.1f}°, {estimate.sog_kn:.1f} kn"
-        )
+        heading = f"{estimate.heading_true_deg:05.1f}°T ±{estimate.sigma_heading_deg:.1f}°"
+        place = position_text(estimate.lat_deg, estimate.lon_deg)
+        return f"{self._filter} {place} ±{sigma_m:.1f} m  {heading}  {estimate.sog_kn:.1f} kn"
 
     def _fix_text(self) -> str:
         fix = self._fix
@@ -55,30 +52,30 @@ class StatusLine:
         quality = "not usable"
         if fix.usable:
             quality = "fix" if fix.fix_quality is None else _QUALITY.get(fix.fix_quality, "fix")
-        return f"{fix.sensor} {quality}, {self._age_text(fix.sensor, fix.t_ns)}"
+        return f"{fix.sensor} {quality} {self._age_text(fix.sensor, fix.t_ns)}"
 
     def _heading_text(self) -> str:
         heading = self._heading
         if heading is None:
             return "no heading yet"
-        value, kind = heading.heading_true_deg, "true"
+        value, letter = heading.heading_true_deg, "T"
         if value is None:
-            value, kind = heading.heading_mag_deg, "magnetic"
-        return f"{heading.sensor} {value:05.1f}° {kind}, {self._age_text(heading.sensor, heading.t_ns)}"
+            value, letter = heading.heading_mag_deg, "M"
+        return f"{heading.sensor} {value:05.1f}°{letter} {self._age_text(heading.sensor, heading.t_ns)}"
 
     def _age_text(self, sensor: str, t_ns: int) -> str:
         age_s = (self.t_ns - t_ns) / NS_PER_S
         table = next((item for item in self._config.sensor if item.id == sensor), None)
         stale = table is not None and age_s > stale_after_s(table.role, table.rate_hz)
-        return f"STALE, {age_s:.0f} s old" if stale else f"{age_s:.1f} s old"
+        return f"STALE ({age_s:.0f} s)" if stale else f"({age_s:.1f} s)"
 
 
 def position_text(lat_deg: float, lon_deg: float) -> str:
-    """50° 45.612' N 001° 17.402' W: degrees and minutes, as on a chart."""
-    return f"{_angle_text(abs(lat_deg), 2)} {'NS'[lat_deg < 0]} {_angle_text(abs(lon_deg), 3)} {'EW'[lon_deg < 0]}"
+    """50°45.612'N 001°17.402'W: degrees and minutes, as on a chart."""
+    return f"{_angle_text(abs(lat_deg), 2)}{'NS'[lat_deg < 0]} {_angle_text(abs(lon_deg), 3)}{'EW'[lon_deg < 0]}"
 
 
 def _angle_text(angle_deg: float, digits: int) -> str:
     # Rounded as thousandths of a minute first, so that 59.9996' becomes the next degree and never 60.000'.
     degrees, thousandths = divmod(round(angle_deg * 60_000), 60_000)
-    return f"{degrees:0{digits}d}° {thousandths / 1000:06.3f}'"
+    return f"{degrees:0{digits}d}°{thousandths / 1000:06.3f}'"
