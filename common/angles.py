@@ -6,7 +6,6 @@ for filters are in `shore.navigation.models` (numpy has no place in `common`).
 """
 
 import math
-from collections.abc import Iterable
 
 
 def wrap_rad(angle_rad: float) -> float:
@@ -41,14 +40,3 @@ def heading_rad(heading_deg: float) -> float:
 def heading_deg(heading_rad: float) -> float:
     """Calculation heading (rad) -> interface heading (deg, [0, 360))."""
     return wrap_deg(math.degrees(heading_rad))
-
-
-def mean_deg(angles_deg: Iterable[float]) -> float | None:
-    """Circular mean in [0, 360); `None` for no angles or for angles that cancel out."""
-    east = north = 0.0
-    for angle in angles_deg:
-        east += math.sin(math.radians(angle))
-        north += math.cos(math.radians(angle))
-    if math.hypot(east, north) < 1e-9:
-        return None
-    return heading_deg(math.atan2(east, north))

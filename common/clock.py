@@ -6,6 +6,7 @@ The wall clock is used for nothing but the UTC a frame is labelled with.
 link timers use the real clock.
 """
 
+import secrets
 import time
 from pathlib import Path
 
@@ -30,7 +31,7 @@ def machine_clock_id() -> str:
     try:
         return _BOOT_ID_FILE.read_text(encoding="ascii").strip().replace("-", "")
     except OSError:
-        return "unknown"
+        return secrets.token_hex(16)
 
 
 class BoatClock:

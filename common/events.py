@@ -1,4 +1,4 @@
-"""One table of event codes: what it says, what to do, where to read on. Both sides raise events only from here."""
+"""One table of event codes: what it says and what to do. Both sides raise events only from here."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -38,9 +38,10 @@ EVENTS: Final[dict[str, EventKind]] = {
         "UTC of {sensor} jumped by {step_s} s against the boat clock",
         "check the receiver; times on the boat clock are not touched",
     ),
-    "ticks-missed": EventKind(
-        "warning", "the board was busy: {count} frame periods passed at once", "lower the load of the board"
+    "frame-failed": EventKind(
+        "error", "frame {seq} could not be encoded and was not sent: {reason}", "report this configuration"
     ),
+    "ticks-missed": EventKind("warning", "the board slept: {count} frame periods passed at once", "nothing to do"),
     "client-joined": EventKind("info", "client {client} joined", "nothing to do"),
     "client-left": EventKind("info", "client {client} left: {reason}", "nothing to do"),
     "frames-dropped": EventKind(
@@ -53,8 +54,12 @@ EVENTS: Final[dict[str, EventKind]] = {
         "check the radio link and the boat's power; the station goes on trying",
     ),
     "link-restored": EventKind("info", "frames arrive again after {age_s} s", "nothing to do"),
-    "boat-restarted": EventKind(
-        "warning", "the boat's daemon was restarted", "nothing to do; frames of the new start follow"
+    "daemon-restarted": EventKind("warning", "the boat's daemon was restarted; the filters carry on", "nothing to do"),
+    "board-rebooted": EventKind("warning", "the board was rebooted; the filters start anew", "nothing to do"),
+    "origin-moved": EventKind(
+        "warning",
+        "{count} fixes in a row lie more than {limit_km} km from the origin; the filters start anew there",
+        "check the receiver if the boat has not been carried away",
     ),
     "filter-started": EventKind("info", "filters start at {lat_deg}, {lon_deg}", "nothing to do"),
     "filter-waiting": EventKind("info", "filters wait for: {missing}", "check these sensors"),
@@ -77,6 +82,17 @@ EVENTS: Final[dict[str, EventKind]] = {
         "set boat.variation_deg in the board's file",
     ),
 }
+
+
+NOTHING_TO_DO: Final = "nothing to do"
+
+
+def line_of(happening: Event) -> str:
+    """An event as one line for a person: the text, and the cure where there is something to do."""
+    kind = EVENTS.get(happening.code)
+    if kind is None or kind.cure == NOTHING_TO_DO:
+        return happening.text
+    return f"{happening.text}; {kind.cure}"
 
 
 def event(code: str, t_ns: int, source: str, **evidence: str | float | bool | None) -> Event:

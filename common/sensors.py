@@ -33,11 +33,6 @@ ROLES: Final[dict[str, Role]] = {
 }
 
 
-def role_of(sensor_id: str) -> str:
-    """`compass2` -> `compass`."""
-    return sensor_id.rstrip("0123456789")
-
-
 def stale_after_s(role: str, rate_hz: float | None) -> float:
     """Age at which a periodic sensor's newest value is stale: max(3 s, 5 periods); inf for event sensors."""
     if not ROLES[role].periodic:
@@ -47,7 +42,8 @@ def stale_after_s(role: str, rate_hz: float | None) -> float:
 
 LATE_IMU_S: Final = 1.0
 """An IMU sample covers the whole interval since the one before it, up to this long: lines that wait in a busy board
-come late and in a burst, they are not lost. After a longer interval it covers one period, and the rest is a gap."""
+come late and in a burst, they are not lost. After a longer interval there is a gap: the board's sums leave it out, the
+filters let the sample cover one period of it."""
 
 Name = Annotated[str, MaxLength(32)]
 
@@ -83,8 +79,8 @@ class PortTable:
     path: Annotated[str, MaxLength(256)]
     baud: Annotated[int, Range(300, 4_000_000)] = 4800
     byte_budget_per_s: Annotated[int, Range(100, 10_000_000)] | None = None
-    """Bytes a second that are parsed; the rest is discarded and the port marked flooded. Default: 4 x what its sensors
-    nominally send, never above what the baud rate can carry twice over."""
+    """Bytes a second that are parsed; the rest is discarded and the port marked flooded. Default: four times what its
+    sensors nominally send, at least 2000."""
 
 
 IMU_AXES: Final = ("accel_fwd", "accel_stb", "yaw_rate")

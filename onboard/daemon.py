@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from common.clock import BoatClock, machine_clock_id
 from common.errors import WayfixError
-from common.events import event
+from common.events import event, line_of
 from common.messages import ClockPair, Event, Frame, RawLine
 from common.sensors import BoatConfig, PortTable
 from common.settings import as_dict
@@ -120,8 +120,10 @@ class PortChain:
 
     def reopen_if_silent(self, now_ns: int) -> None:
         """A port whose periodic sensors all fell silent is opened anew: some adapters need it."""
-        if self.monitors and all(monitor.overdue(now_ns) for monitor in self.monitors):
+        periodic = [monitor for monitor in self.monitors if monitor.periodic]
+        if periodic and all(monitor.overdue(now_ns) for monitor in periodic):
             self.port.reopen()
+            self._splitter.reset()
             for monitor in self.monitors:
                 monitor.port_changed(None, now_ns)
 
@@ -182,7 +184,7 @@ class Daemon:
 
     def happened(self, happening: Event) -> None:
         """Every event is a record in the frame and one line in the log."""
-        log.log(_LOG_LEVELS[happening.level], "%s", happening.text)
+        log.log(_LOG_LEVELS[happening.level], "%s", line_of(happening))
         self.framer.add(happening)
 
     def stop(self, reason: str) -> None:
@@ -201,7 +203,9 @@ class Daemon:
         workers += [asyncio.create_task(self.server.run()), asyncio.create_task(self._tick_for_ever())]
         stopping = asyncio.create_task(self._stop.wait())
         try:
-            await asyncio.gather(*(chain.port.tried.wait() for chain in self.chains))
+            tried = asyncio.create_task(self._all_tried())
+            await asyncio.wait([tried, *workers, stopping], return_when=asyncio.FIRST_COMPLETED)
+            tried.cancel()
             on_ready({"bind": endpoint, "boot_id": self.framer.identity.boot_id, "boat_id": self.config.boat.id})
             done, _ = await asyncio.wait([*workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             for task in done - {stopping}:
@@ -212,6 +216,10 @@ class Daemon:
                 worker.cancel()
             await asyncio.gather(*workers, stopping, return_exceptions=True)
             await self._finish()
+
+    async def _all_tried(self) -> None:
+        for chain in self.chains:
+            await chain.port.tried.wait()
 
     async def _finish(self) -> None:
         """The last, shorter frame and `end` to every client."""

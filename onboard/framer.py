@@ -125,10 +125,12 @@ class Framer:
 
         What is stamped t1 or later waits, so that a late tick (busy board, fast clock) changes nothing in the frames.
         """
+        events, self._lists["events"] = self._lists["events"], []  # told when known, whatever their stamp
         lists: dict[str, Any] = {
             name: tuple(item for item in items if item.t_ns < t1_ns) for name, items in self._lists.items()
         }
         self._lists = {name: [item for item in items if item.t_ns >= t1_ns] for name, items in self._lists.items()}
+        lists["events"] = tuple(events)
         blocks = (gatherer.take(t1_ns) for gatherer in self._imus.values())
         frame = Frame(
             boat_id=self.identity.boat_id,
@@ -164,7 +166,7 @@ def merge(frames: Sequence[Frame]) -> Frame:
         last,
         first_seq=first.seq,
         t0_ns=first.t0_ns,
-        utc_ns=first.utc_ns,
+        utc_ns=None if last.utc_ns is None else last.utc_ns - (last.t0_ns - first.t0_ns),
         imu=tuple(with_means(block) for block in blocks.values()),
         health=tuple(health.values()),
         **lists,

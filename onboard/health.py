@@ -24,8 +24,9 @@ class SensorMonitor:
         self.accepted = 0
         self.flooded = False
         self.discarded_bytes = 0
-        self._periodic = ROLES[table.role].periodic
+        self.periodic = ROLES[table.role].periodic
         self._stale_ns = int(min(stale_after_s(table.role, table.rate_hz), 1e9) * NS_PER_S)
+        self._started_ns = started_ns
         self._last_good_ns: int | None = None
         self._since_ns = started_ns
         """From when silence is counted: start or the port's last opening."""
@@ -58,7 +59,7 @@ class SensorMonitor:
         """State (delivering, silent or missing) and its reason."""
         if self._port_reason is not None:
             return "missing", self._port_reason
-        if not self._periodic:
+        if not self.periodic:
             return "delivering", None
         if self._last_good_ns is not None and now_ns - self._last_good_ns <= self._stale_ns:
             return "delivering", None
@@ -70,7 +71,7 @@ class SensorMonitor:
     def overdue(self, now_ns: int) -> bool:
         """True when the open port has been silent so long that it should be reopened."""
         last = max(self._since_ns, self._last_good_ns or 0)
-        return self._periodic and self._port_reason is None and now_ns - last > self._stale_ns
+        return self.periodic and self._port_reason is None and now_ns - last > self._stale_ns
 
     def report(self, now_ns: int) -> tuple[SensorHealth | None, Event | None]:
         """Health when due (once a second, and on every change of state), and the event of a change."""
@@ -84,7 +85,7 @@ class SensorMonitor:
 
     def _change_event(self, state: str, now_ns: int) -> Event | None:
         sensor = self.table.id
-        if state == "delivering" and self._periodic:
+        if state == "delivering" and self.periodic:
             return event("sensor-delivering", now_ns, sensor, sensor=sensor)
         # Silence right after the start or after a reopen is waiting, not an event; a lost port has its own event.
         if state == "silent" and self._state == "delivering":
@@ -95,13 +96,14 @@ class SensorMonitor:
     def _health(self, state: str, reason: str | None, now_ns: int) -> SensorHealth:
         while self._recent and self._recent[0] < now_ns - RATE_WINDOW_NS:
             self._recent.popleft()
+        span_ns = min(RATE_WINDOW_NS, max(now_ns - self._started_ns, NS_PER_S))
         return SensorHealth(
             sensor=self.table.id,
             t_ns=now_ns,
             state=state,
             reason=reason,
             last_good_t_ns=self._last_good_ns,
-            rate_hz=len(self._recent) / (RATE_WINDOW_NS / NS_PER_S),
+            rate_hz=len(self._recent) / (span_ns / NS_PER_S),
             flooded=self.flooded,
             accepted=self.accepted,
             rejected=dict(self.rejected),

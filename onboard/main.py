@@ -38,6 +38,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         return 0
+    except ModuleNotFoundError as error:
+        print(f"wayfix-onboard: {error.name} is missing; pip install 'wayfix[onboard]'", file=sys.stderr)
+        return 2
 
 
 def _parser() -> argparse.ArgumentParser:

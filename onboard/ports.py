@@ -3,7 +3,7 @@
     opening --ok--> open --EOF or error--> lost --0.25 s, doubling to 2 s--> opening
 
 A vanished adapter stays readable for ever, so its reader is removed before anything else is done.
-Opening runs in a thread with a deadline: a driver may block in it.
+Opening runs in a thread of its own with a deadline: a driver may block in it.
 """
 
 import asyncio
@@ -12,7 +12,9 @@ import errno
 import logging
 import os
 import termios
+import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import serial
@@ -82,6 +84,7 @@ class Port:
         self._on_chunk = on_chunk
         self._on_change = on_change
         self._device: Any = None
+        self._opening: asyncio.Future[Any] | None = None
         self._lost = asyncio.Event()
         self.tried = asyncio.Event()
         """Set once the first attempt to open has ended, either way."""
@@ -96,7 +99,7 @@ class Port:
                 if opened:
                     opened_ns = self._clock.now_ns()
                     await self._lost.wait()
-                    await asyncio.to_thread(self._close)
+                    await _in_thread(self._close)
                     if self._clock.now_ns() - opened_ns > LAST_BACK_OFF_S * 1e9:
                         back_off_s = FIRST_BACK_OFF_S
                 await asyncio.sleep(back_off_s / self._clock.rate)
@@ -112,19 +115,20 @@ class Port:
             self._lost.set()
 
     async def _open(self) -> bool:
-        opening = asyncio.ensure_future(asyncio.to_thread(open_serial, self.table))
+        """One attempt. An open that hangs in its driver is waited for again, not started twice."""
+        if self._opening is None:
+            self._opening = _in_thread(partial(open_serial, self.table))
+        opening = self._opening
         try:
             self._device = await asyncio.wait_for(asyncio.shield(opening), OPEN_DEADLINE_S)
-        except TimeoutError:
-            opening.add_done_callback(_close_late)
-            self._set_reason(f"opening takes longer than {OPEN_DEADLINE_S:g} s")
-            return False
-        except asyncio.CancelledError:
-            opening.add_done_callback(_close_late)
-            raise
         except OPEN_ERRORS as error:
+            if not opening.done():  # the deadline; a TimeoutError is an OSError too
+                self._set_reason(f"opening takes longer than {OPEN_DEADLINE_S:g} s")
+                return False
+            self._opening = None
             self._set_reason(reason_of(error))
             return False
+        self._opening = None
         self._lost.clear()
         asyncio.get_running_loop().add_reader(self._device.fileno(), self._readable)
         self._set_reason(None)
@@ -164,8 +168,27 @@ class Port:
             self._on_change(reason)
 
 
-def _close_late(opening: "asyncio.Future[Any]") -> None:
-    """A device that opened after its deadline, or after the daemon's end, is closed again and not leaked."""
-    if not opening.cancelled() and opening.exception() is None:
-        with contextlib.suppress(*OPEN_ERRORS):
-            opening.result().close()
+def _in_thread(call: Callable[[], Any]) -> "asyncio.Future[Any]":
+    """Run a call that may hang in a driver in a thread of its own, which nobody waits for at the daemon's end."""
+    loop = asyncio.get_running_loop()
+    future: asyncio.Future[Any] = loop.create_future()
+
+    def deliver(result: Any, error: BaseException | None) -> None:
+        if future.cancelled():
+            return
+        if error is None:
+            future.set_result(result)
+        else:
+            future.set_exception(error)
+
+    def work() -> None:
+        result, failure = None, None
+        try:
+            result = call()
+        except BaseException as error:  # handed to whoever waits
+            failure = error
+        with contextlib.suppress(RuntimeError):  # the loop is closed: the daemon has ended meanwhile
+            loop.call_soon_threadsafe(deliver, result, failure)
+
+    threading.Thread(target=work, daemon=True).start()
+    return future

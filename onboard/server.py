@@ -6,6 +6,7 @@ loses the oldest and is told so by an event, a slow bounded client (`run m`) is 
 
 import asyncio
 import logging
+import reprlib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -91,6 +92,7 @@ class Server:
 
     def bind(self, address: str) -> str:
         """Bind and return the endpoint in full (port `*` = any free one); raises WayfixError."""
+        self._socket.setsockopt(zmq.IPV6, int("[" in address))
         try:
             self._socket.bind(address)
         except zmq.ZMQError as error:
@@ -106,14 +108,19 @@ class Server:
             identity = parts[0]
             try:
                 self._answer(identity, session.unpack(parts[1] if len(parts) == 2 else b""))
-            except CodecError as error:
+            except Exception as error:  # whatever a stranger sends, the daemon lives
                 self.malformed += 1
-                log.debug("malformed message from %s: %s", identity.hex(), error)
+                level = logging.DEBUG if isinstance(error, CodecError) else logging.ERROR
+                log.log(level, "malformed message from %s: %s", identity.hex(), type(error).__name__)
 
     def publish(self, frame: Frame) -> None:
         """Hand one new frame to every running session and push out what waits."""
         self._next_seq = frame.seq + 1
-        encoded = encode_frame(frame) if self._sessions else b""
+        try:
+            encoded = encode_frame(frame) if self._sessions else b""
+        except CodecError as error:
+            self._on_event(event("frame-failed", self._now_ns(), "daemon", seq=frame.seq, reason=error.what[:200]))
+            return
         for identity, client in list(self._sessions.items()):
             if not client.running:
                 _hold(client, encoded)
@@ -170,7 +177,7 @@ class Server:
                 cure = "close another station"
                 self._reply(identity, session.pack("error", what=f"{MAX_CLIENTS} clients are connected", cure=cure))
                 return
-            name = str(message.get("client", ""))[:32] or identity.hex()
+            name = "".join(filter(str.isprintable, str(message.get("client", ""))))[:32] or identity.hex()
             self._sessions[identity] = Session(name, boottime_ns())
             self._on_event(event("client-joined", self._now_ns(), "link", client=name))
         self._sessions[identity].greeted_ns = boottime_ns()
@@ -289,11 +296,11 @@ def run_fault(message: dict[str, Any], frame_period_ns: int) -> str | None:
     """Why a `run` request cannot be granted, or None."""
     m, period_s = message.get("m"), message.get("period_s")
     if m is not None and (isinstance(m, bool) or not isinstance(m, int) or not 1 <= m <= session.MAX_RUN_FRAMES):
-        return f"m must be a whole number from 1 to {session.MAX_RUN_FRAMES}, got {m!r}"
+        return f"m must be a whole number from 1 to {session.MAX_RUN_FRAMES}, got {reprlib.repr(m)}"
     if period_s is None:
         return None
     if isinstance(period_s, bool) or not isinstance(period_s, int | float):
-        return f"period_s must be a number, got {period_s!r}"
+        return f"period_s must be a number, got {reprlib.repr(period_s)}"
     if not session.MIN_PERIOD_S <= period_s <= session.MAX_PERIOD_S:
         return f"period_s must be from {session.MIN_PERIOD_S:g} to {session.MAX_PERIOD_S:g} s, got {period_s:g}"
     if round(period_s * NS_PER_S) % frame_period_ns:

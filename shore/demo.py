@@ -23,7 +23,7 @@ from typing import Any, Final
 
 from common.clock import boottime_ns
 from common.codec import decode_frame
-from common.errors import WayfixError
+from common.errors import LinkError, WayfixError
 from shore.link import Link
 from shore.live import LiveRun, Options, StopFlag, Tally
 from shore.logbook.read import read_log
@@ -50,6 +50,10 @@ class DemoOptions:
     recording: Path | None = None
     mapping: Path | None = None
     headless: bool = False
+
+
+class Stopped(Exception):  # noqa: N818 (no error: the person asked for it)
+    """Ctrl-C or SIGTERM before there was anything to show."""
 
 
 class Child:
@@ -85,7 +89,10 @@ class Child:
             if self.process.poll() is not None:
                 raise self.death()
             time.sleep(0.02)
-        raise WayfixError(f"{self.name} did not get ready within {timeout_s:g} s", cure="look at its last lines above")
+        if stopped():
+            raise Stopped
+        last = self.last_lines[-1] if self.last_lines else "it said nothing"
+        raise WayfixError(f"{self.name} did not get ready within {timeout_s:g} s: {last}", cure="try a lower --speed")
 
     def said(self, key: str) -> dict[str, Any] | None:
         """The value of the next JSON line with this key, if it has come; other lines are dropped."""
@@ -153,20 +160,32 @@ class Demo:
         self._asked_to_end_ns: int | None = None
         self.dead: WayfixError | None = None
 
-    def run(self) -> dict[str, Any]:
-        """The whole demo; returns the JSON summary. Raises WayfixError when a child dies or nothing can start."""
+    def run(self) -> dict[str, Any] | None:
+        """The whole demo; returns the JSON summary, without figures after Ctrl-C, None when that came before any frame.
+
+        Raises WayfixError when a child dies, nothing can start, or the daemon does not end its session.
+        """
         directory = self._directory()
         with self._stop.on_signals():
             try:
                 ready, bind = self._start(directory)
                 tally, log_path = self._live(bind, directory)
+            except (Stopped, LinkError):
+                if self._stop():
+                    return None
+                raise
             finally:
                 for child in (self._daemon, self._virtual):
                     if child is not None:
                         child.terminate()
         if self.dead is not None:
             raise self.dead
-        return self._summary(tally, log_path, Path(ready["truth"]))
+        counts = {"sent": tally.sent, "received": tally.received, "lost": tally.missing}
+        if self._stop():
+            return {"frames": counts, "log": str(log_path)}
+        if tally.sent is None:
+            raise WayfixError(f"the daemon did not end its session within {END_S:g} s", cure="try a lower --speed")
+        return self._summary(counts, log_path, Path(ready["truth"]))
 
     def _directory(self) -> Path:
         if self.options.log_dir is None:
@@ -226,14 +245,13 @@ class Demo:
             os.kill(self._daemon.process.pid, signal.SIGTERM)
         return False
 
-    def _summary(self, tally: Tally, log_path: Path, truth: Path) -> dict[str, Any]:
+    def _summary(self, counts: dict[str, Any], log_path: Path, truth: Path) -> dict[str, Any]:
         reader = read_log(log_path)
         frames = [decode_frame(data) for data in reader.frames()]
         estimates = list(reader.estimates())
         if not frames:
             raise WayfixError("the run gave no frame", str(log_path), "run it longer")
         score = score_of(truth, logged_config(reader, log_path), frames, estimates)
-        counts = {"sent": tally.sent, "received": tally.received, "lost": tally.missing}
         summary = {"frames": counts, **score.summary(), "log": str(log_path)}
         picture = log_path.with_suffix(".png")
         title = f"Wayfix demo: scenario {self.options.scenario}, seed {self.options.seed}"

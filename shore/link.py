@@ -21,6 +21,8 @@ DEFAULT_PORT: Final = 5760
 CONNECT_TIMEOUT_S: Final = 5.0
 SILENCE_S: Final = 3.0
 """No frame for this long on a running session (and two periods more): the link counts as lost."""
+REQUIRED: Final = ("boot_id", "next_seq", "config")
+"""What a station cannot do without in `connected`."""
 MAX_MESSAGE_BYTES: Final = 2 * 2**20
 
 _ADDRESS = re.compile(r"(?:tcp://)?(?P<host>\[[0-9a-fA-F:.%\w]+\]|[\w.-]+)(?::(?P<port>\d{1,5}))?")
@@ -72,6 +74,9 @@ class Link:
                 fault = session.schema_fault(message.get("schema"))
                 if fault is not None:
                     raise LinkError(fault, self.endpoint, "install the same version on both sides")
+                if missing := [name for name in REQUIRED if name not in message]:
+                    cure = "install the same version on both sides"
+                    raise LinkError(f"the greeting lacks {', '.join(missing)}", self.endpoint, cure)
                 return message
             if message["type"] == "error":
                 raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
@@ -98,6 +103,8 @@ class Link:
             return Received(end=message)
         if message["type"] == "error":
             raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
+        if message["type"] == "connected":
+            return None  # the late answer to an earlier greeting
         raise CodecError(f"unexpected {message['type']} message")
 
     def silent_s(self) -> float | None:
@@ -118,6 +125,7 @@ class Link:
             self._socket.close(linger=0)
         self._socket = self._context.socket(zmq.DEALER)
         self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.IPV6, int("[" in self.endpoint))
         self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
         self._socket.setsockopt(zmq.CONNECT_TIMEOUT, 1_000)
         self._socket.setsockopt(zmq.RECONNECT_IVL, 200)

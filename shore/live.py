@@ -12,7 +12,7 @@ from typing import Any
 from common.clock import boottime_ns
 from common.codec import decode_frame
 from common.errors import CodecError, LinkError, WayfixError
-from common.events import event
+from common.events import event, line_of
 from common.messages import Event, Frame
 from common.sensors import BoatConfig
 from common.settings import convert
@@ -25,7 +25,8 @@ from shore.status import StatusLine
 
 log = logging.getLogger(__name__)
 
-RETRY_S = 1.0
+RETRY_S = 2.0
+"""How long one greeting is waited for while the link is lost; status and log go on in between."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +143,7 @@ class LiveRun:
         self._write_session()
         for sensor in self.connected.get("sensors", []):
             reason = f": {sensor['reason']}" if sensor.get("reason") else ""
-            self._say(f"{sensor['id']} {sensor['state']}{reason}")
+            self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
         self._link.run(self._options.frames, self._options.period_s)
         next_second_ns = boottime_ns() + NS_PER_S
         try:
@@ -154,7 +155,7 @@ class LiveRun:
                 if received is not None and received.frame is not None:
                     self._take(received.frame)
                 if boottime_ns() >= next_second_ns:
-                    next_second_ns += NS_PER_S
+                    next_second_ns = max(next_second_ns + NS_PER_S, boottime_ns())
                     self._each_second()
         finally:
             end = {"kind": "end", **self._summary()}
@@ -206,7 +207,7 @@ class LiveRun:
     def _happened(self, happening: Event, now_ns: int) -> None:
         self._recorder.write(lambda writer: writer.write_event(happening, now_ns))
         if happening.level != "debug":
-            self._say(f"{happening.level}: {happening.text}")
+            self._say(f"{happening.level}: {line_of(happening)}")
 
     def _each_second(self) -> None:
         self._recorder.write(LogWriter.sync)
@@ -239,6 +240,7 @@ class LiveRun:
     def _ended(self, end: dict[str, Any]) -> None:
         self.tally.sent = int(end.get("sent") or 0)
         self.tally.end_reason = str(end.get("reason"))
+        self._recorder.write(lambda writer: writer.write_link({"kind": "end", **end}, time.time_ns()))
         if self._options.frames is None and self._next_seq is not None:
             self.tally.missing += max(0, int(end.get("next_seq") or 0) - self._next_seq)
 

@@ -69,7 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--scenario", default="5.3", help="scenario of the thesis (default 5.3: noise grows at 300 s)")
     demo.add_argument("--recording", type=Path, metavar="CSV", help="play this recording instead of a scenario")
     demo.add_argument("--map", type=Path, metavar="TOML", help="columns of the recording (deploy/examples)")
-    demo.add_argument("--seed", type=int, default=1, help="seed of all noise (default 1)")
+    demo.add_argument("--seed", type=_seed, default=1, help="seed of all noise (default 1)")
     demo.add_argument("--seconds", type=_seconds, metavar="N", help="boat seconds to play (default: the whole mission)")
     demo.add_argument("--speed", type=_speed, default=8.0, metavar="X", help="boat seconds per second (default 8)")
     demo.add_argument("--headless", action="store_true", help="no status line each second")
@@ -158,7 +158,15 @@ def _demo(arguments: argparse.Namespace) -> int:
         headless=arguments.headless,
     )
     summary = Demo(options, _say).run()
+    if summary is None:
+        _say("stopped before the first frame")
+        return 0
     counts = summary["frames"]
+    if "position_rms_m" not in summary:
+        print(f"stopped after {counts['received']} frames, {counts['lost']} lost")
+        print(f"log     {summary['log']}")
+        _finish(arguments, summary)
+        return 0
     print(f"frames: {counts['sent']} sent, {counts['received']} received, {counts['lost']} lost")
     print(score_table(summary))
     print(f"log     {summary['log']}")
@@ -172,7 +180,7 @@ def _add_filter_arguments(parser: argparse.ArgumentParser, default: str | None) 
     shown = default or "those of the live run"
     parser.add_argument("--filters", default=default, help=f"comma-separated, the first leads (default {shown})")
     parser.add_argument(
-        "--step", type=_seconds, metavar="SECONDS", help="synchronous steps as in the thesis' Fig. 3.14"
+        "--step", type=_seconds, metavar="SECONDS", help="synchronous steps (the thesis' Fig. 3.14), 0.05 to 60"
     )
 
 
@@ -218,6 +226,13 @@ def _seconds(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 1e6:
         raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
+    return value
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"must be 0 or more, got {text}")
     return value
 
 

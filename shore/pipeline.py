@@ -19,11 +19,13 @@ from shore.navigation.beginning import missing
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filters import build_filter, facts_of
 from shore.navigation.imu import ImuTrack
-from shore.navigation.measurements import Reader
-from shore.navigation.synchronous import Synchronous
+from shore.navigation.measurements import FARTHEST_M, Reader
+from shore.navigation.synchronous import LONGEST_STEP_S, SHORTEST_STEP_S, Synchronous
 from shore.navigation.timeline import HORIZON_S, Timeline
 
 WAITING_AFTER_S: Final = 5.0
+FAR_FIXES: Final = 10
+"""So many fixes in a row beyond the plane's reach: it was the origin that was wrong (or the boat was carried away)."""
 LATE_REPORT_S: Final = 10.0
 """Late measurements are summed up at most this often."""
 
@@ -66,8 +68,9 @@ class Pipeline:
     def __init__(self, config: BoatConfig, filters: Sequence[str], step_s: float | None = None) -> None:
         if not filters:
             raise WayfixError("no filter named", "--filters", "name at least one, for example fuzzy")
-        if step_s is not None and not step_s > 0.0:
-            raise WayfixError(f"a step of {step_s} s is impossible", "step", "give a time above 0")
+        if step_s is not None and not SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
+            cure = f"give {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s"
+            raise WayfixError(f"a step of {step_s:g} s is impossible", "--step", cure)
         self._new_run: Callable[[], _Run] = partial(_Run, config, tuple(filters), step_s)
         self._run = self._new_run()
         self._clock: tuple[str, int] | None = None
@@ -83,11 +86,18 @@ class Pipeline:
                 return Output()
             self._run = self._new_run()
             self._seen.clear()
-            self._run.tell("boat-restarted", frame.t0_ns, "filter")
+            self._run.tell("board-rebooted", frame.t0_ns, "filter")
+        elif self._seen and frame.boot_id not in self._seen:
+            self._run.tell("daemon-restarted", frame.t0_ns, "filter")
         self._clock = frame.clock_id, max(frame.start_no, start_no)
         first = frame.seq if frame.first_seq is None else frame.first_seq
         is_new = self._seen.setdefault(frame.boot_id, SeenFrames()).add(first, frame.seq)
-        return self._run.push(frame) if is_new else Output()
+        output = self._run.push(frame) if is_new else Output()
+        if self._run.far_fixes >= FAR_FIXES:
+            self._run = self._new_run()
+            limit_km = round(FARTHEST_M / 1000.0)
+            self._run.tell("origin-moved", frame.t1_ns, "filter", count=FAR_FIXES, limit_km=limit_km)
+        return output
 
 
 class _Run:
@@ -110,6 +120,11 @@ class _Run:
         self._is_started = self._has_waited = False
         self._resets_told: set[tuple[str, int]] = set()
         self._late_told: dict[str, tuple[int, int]] = {}
+
+    @property
+    def far_fixes(self) -> int:
+        """Fixes in a row that lie beyond the plane's reach."""
+        return self._reader.far_in_a_row
 
     def tell(self, code: str, t_ns: int, source: str, **evidence: str | float | bool | None) -> None:
         """Add an event to the next output."""

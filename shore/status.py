@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import hypot
+from typing import Final
 
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig, stale_after_s
@@ -10,6 +11,9 @@ from shore.navigation.estimate import Estimate
 
 _QUALITY = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
 """GGA quality of fixes that are fused."""
+
+
+STALE_ESTIMATE_S: Final = 2.0
 
 
 class StatusLine:
@@ -43,7 +47,9 @@ class StatusLine:
         sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
         heading = f"{estimate.heading_true_deg:05.1f}°T ±{estimate.sigma_heading_deg:.1f}°"
         place = position_text(estimate.lat_deg, estimate.lon_deg)
-        return f"{self._filter} {place} ±{sigma_m:.1f} m  {heading}  {estimate.sog_kn:.1f} kn"
+        age_s = (self.t_ns - estimate.t_ns) / NS_PER_S
+        stale = f" STALE ({age_s:.0f} s)" if age_s > STALE_ESTIMATE_S else ""
+        return f"{self._filter} {place} ±{sigma_m:.1f} m  {heading}  {estimate.sog_kn:.1f} kn{stale}"
 
     def _fix_text(self) -> str:
         fix = self._fix
@@ -61,7 +67,8 @@ class StatusLine:
         value, letter = heading.heading_true_deg, "T"
         if value is None:
             value, letter = heading.heading_mag_deg, "M"
-        return f"{heading.sensor} {value:05.1f}°{letter} {self._age_text(heading.sensor, heading.t_ns)}"
+        text = "no value" if value is None else f"{value:05.1f}°{letter}"
+        return f"{heading.sensor} {text} {self._age_text(heading.sensor, heading.t_ns)}"
 
     def _age_text(self, sensor: str, t_ns: int) -> str:
         age_s = (self.t_ns - t_ns) / NS_PER_S

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import sys
 import tempfile
 import time
@@ -54,16 +55,22 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return _list()
     for option, value in (("--clock-rate", args.clock_rate), ("--seconds", args.seconds)):
-        if value is not None and not value > 0:
+        if value is not None and not 0 < value < math.inf:
             raise WayfixError(f"must be > 0, got {value:g}", option)
+    if args.seed < 0:
+        raise WayfixError(f"must be >= 0, got {args.seed}", "--seed")
     with Console(watch_stdin=args.hold or args.until_stdin_closes) as console:
         voyage = _voyage(args)
         directory = _directory(args.dir)
-        boat = VirtualBoat(directory, BoatClock(args.clock_rate, args.clock_start))
         try:
-            _play(args, voyage, boat, directory, console)
-        finally:
-            boat.close()
+            boat = VirtualBoat(directory, BoatClock(args.clock_rate, args.clock_start))
+            try:
+                _play(args, voyage, boat, directory, console)
+            finally:
+                boat.close()
+        except OSError as error:
+            cure = "give a --dir on a disk with room that may be written"
+            raise WayfixError(f"cannot be used ({error.strerror})", str(directory), cure) from error
     return 0
 
 

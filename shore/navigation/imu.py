@@ -7,10 +7,10 @@ the running sums is one coarse sample over the gap. All of it depends on the set
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from common.messages import ImuBlock
 from common.sensors import LATE_IMU_S, ROLES, SensorTable
@@ -116,7 +116,7 @@ class ImuTrack:
             for _ in range(count)
             if from_ns < t_ns <= to_ns
         ]
-        return _mean(samples) if samples else None
+        return ImuInput(*_mean(samples)) if samples else None
 
     def _next(self, index: int, now_ns: int) -> tuple[int | None, ImuInput | None]:
         """Input from `now_ns` on, and until when (`None` = for ever); `index` is the first stretch that ends later."""
@@ -136,23 +136,9 @@ class ImuTrack:
         self._ends_ns = [stretch.end_ns for stretch in self._stretches]
 
     def _decode(self, block: ImuBlock, boot_id: str) -> _Block:
-        """Samples in order of time, finite ones only.
-
-        Lines that came in one chunk share its stamp: together they cover what lies before it, so their mean does.
-        """
-        columns = zip(block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=False)
-        at_time: dict[int, list[ImuInput]] = {}
-        for t_ns, *values in columns:
-            if all(map(math.isfinite, values)):
-                at_time.setdefault(t_ns, []).append(self._input(*values))
-        times_ns = sorted(at_time)
-        return _Block(
-            boot_id,
-            block,
-            times_ns,
-            [_mean(at_time[t_ns]) for t_ns in times_ns],
-            [len(at_time[t_ns]) for t_ns in times_ns],
-        )
+        """Samples in order of time."""
+        times_ns, means, counts = grouped(block)
+        return _Block(boot_id, block, times_ns, [self._input(*mean) for mean in means], counts)
 
     def _input(self, fwd: float, stb: float, yaw_deg: float) -> ImuInput:
         """Known biases removed (thesis Eqs 3.2, 3.3), unused axes 0, rad/s."""
@@ -187,26 +173,45 @@ class ImuTrack:
         if block.boot_id != before.boot_id or missing <= 0 or covered_s <= 0.0:
             return None
         period_s = covered_s / (missing + len(later.offset_us))
-        own_s = [period_s, *((b - a) / NS_PER_S for a, b in pairwise(later.sample_t_ns))]
+        _, own_means, _ = grouped(later)
+        own_s = [period_s, *((b - a) / NS_PER_S for a, b in pairwise(block.times_ns))]
         gap_s = covered_s - sum(own_s)
         end_ns = block.times_ns[0] - round(period_s * NS_PER_S)
         if gap_s <= 0.0 or end_ns <= before.times_ns[-1]:
             return None
-        sums = (
-            (later.sum_accel_fwd_m_s - earlier.sum_accel_fwd_m_s, later.accel_fwd_m_s2),
-            (later.sum_accel_stb_m_s - earlier.sum_accel_stb_m_s, later.accel_stb_m_s2),
-            (later.sum_yaw_deg - earlier.sum_yaw_deg, later.yaw_rate_deg_s),
+        totals = (
+            later.sum_accel_fwd_m_s - earlier.sum_accel_fwd_m_s,
+            later.sum_accel_stb_m_s - earlier.sum_accel_stb_m_s,
+            later.sum_yaw_deg - earlier.sum_yaw_deg,
         )
-        means = [(total - sum(map(float.__mul__, own_s, column))) / gap_s for total, column in sums]
+        columns = zip(*own_means, strict=True)
+        means = [
+            (total - sum(map(float.__mul__, own_s, column))) / gap_s
+            for total, column in zip(totals, columns, strict=True)
+        ]
         if not all(map(math.isfinite, means)):
             return None
         return Stretch(before.times_ns[-1], end_ns, self._input(*means))
 
 
-def _mean(samples: list[ImuInput]) -> ImuInput:
+def grouped(block: ImuBlock) -> tuple[list[int], list[tuple[float, ...]], list[int]]:
+    """Times (ns, increasing), mean (forward, starboard, yaw rate) and count of the samples at each; finite ones only.
+
+    Lines that came in one chunk share its stamp: together they cover what lies before it, so their mean does.
+    """
+    columns = zip(block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=False)
+    at_time: dict[int, list[tuple[float, ...]]] = {}
+    for t_ns, *values in columns:
+        if all(map(math.isfinite, values)):
+            at_time.setdefault(t_ns, []).append(tuple(values))
+    times_ns = sorted(at_time)
+    return times_ns, [_mean(at_time[t_ns]) for t_ns in times_ns], [len(at_time[t_ns]) for t_ns in times_ns]
+
+
+def _mean(samples: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
     if len(samples) == 1:
         return samples[0]
-    return ImuInput(*(sum(column) / len(samples) for column in zip(*samples, strict=True)))
+    return tuple(sum(column) / len(samples) for column in zip(*samples, strict=True))
 
 
 def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> Iterator[Step]:

@@ -47,7 +47,8 @@ class Reader:
         self._sensors = {sensor.id: sensor for sensor in config.sensor}
         self._variation_deg = config.boat.variation_deg
         self._tell = tell
-        self._far: set[str] = set()
+        self.far_in_a_row = 0
+        """Usable fixes since the last one within `FARTHEST_M`."""
         self._variation_unknown: set[str] = set()
         self.plane: LocalPlane | None = None
         """Touches the earth at the first usable fix that arrived."""
@@ -97,10 +98,10 @@ class Reader:
     def _too_far(self, fix: Fix, distance_m: float) -> bool:
         """Told once for each excursion."""
         if distance_m <= FARTHEST_M:
-            self._far.discard(fix.sensor)
+            self.far_in_a_row = 0
             return False
-        if fix.sensor not in self._far:
-            self._far.add(fix.sensor)
+        self.far_in_a_row += 1
+        if self.far_in_a_row == 1:
             distance_km = round(distance_m / 1000.0, 1)
             self._tell(event("fix-far", fix.t_ns, fix.sensor, sensor=fix.sensor, distance_km=distance_km))
         return True

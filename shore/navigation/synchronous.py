@@ -6,11 +6,17 @@ that no step has used, and the newest heading likewise.
 
 import math
 from collections import Counter
+from typing import Final
 
 from common.units import NS_PER_S
 from shore.navigation.bank import Bank, Batch, Measurement, Moment
 from shore.navigation.imu import ImuTrack, Step
 from shore.navigation.measurements import Position, TrueHeading
+
+SHORTEST_STEP_S: Final = 0.05
+LONGEST_STEP_S: Final = 60.0
+_LONGEST_HOLE_NS: Final = 60 * NS_PER_S
+"""After a longer silence (a suspended board) the steps begin anew instead of filling it one by one."""
 
 
 class Synchronous:
@@ -34,7 +40,8 @@ class Synchronous:
         for block in batch.blocks:
             if self._imu is not None:
                 self._imu.insert(block, batch.boot_id)
-        self._end_ns = batch.t1_ns if self._end_ns is None else self._end_ns
+        if self._end_ns is None or batch.t1_ns - self._end_ns > _LONGEST_HOLE_NS:
+            self._end_ns = batch.t1_ns
         closed = []
         while self._end_ns <= batch.t1_ns:
             self._moment = self._close(self._end_ns)

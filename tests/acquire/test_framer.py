@@ -96,6 +96,7 @@ def test_ten_merged_frames_are_one_second_with_everything_in_it() -> None:
     assert (merged.first_seq, merged.seq, merged.t0_ns, merged.t1_ns) == (0, 9, 0, NS_PER_S)
     assert [reading.heading_true_deg for reading in merged.headings] == [float(k) for k in range(10)]
     assert len(merged.events) == 10
+    assert (merged.utc_ns, merged.utc_src) == (None, "none")
     block = merged.imu[0]
     assert block.sample_t_ns == tuple(50 * k * NS_PER_MS for k in range(20))
     assert block.mean_accel_fwd_m_s2 == 4.5

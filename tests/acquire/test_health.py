@@ -66,6 +66,14 @@ def test_bad_lines_are_counted_by_reason_and_named_while_nothing_is_readable() -
     assert health.reason == "nothing readable yet, 3 bad lines"
 
 
+def test_the_rate_is_right_from_the_first_second() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    for k in range(10):
+        watched.accept(k * NS_PER_S // 10, True)
+    assert report(watched, 1).rate_hz == 10.0
+
+
 def test_rate_is_of_measurements_not_of_lines() -> None:
     watched = monitor("gps")
     watched.port_changed(None, 0)

@@ -69,8 +69,11 @@ class Bench:
         return client
 
     async def settle(self) -> None:
-        """Until the server has read what was sent: the loop turns a few times."""
-        await asyncio.sleep(0.05)
+        """Until the server has read what was sent before: a stranger's refused word comes after it."""
+        stranger = self.client()
+        await stranger.say("run")
+        await stranger.expect("error")
+        await asyncio.sleep(0.05)  # sockets are read in turn, not in order of sending
 
     def publish(self, count: int) -> None:
         for _ in range(count):
@@ -183,6 +186,38 @@ def test_malformed_messages_are_counted_and_harm_nobody() -> None:
         bench.publish(1)
         await client.expect("frame")
         assert bench.server.malformed == 5
+
+    on_bench(run)
+
+
+def test_a_well_formed_but_hostile_request_is_refused_and_the_daemon_lives() -> None:
+    nested: list[Any] = []
+    for _ in range(400):
+        nested = [nested]
+
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        await client.say("run", m=nested)
+        assert "m must be a whole number" in (await client.expect("error"))["what"]
+        await client.say("run", period_s=nested)
+        assert "period_s must be a number" in (await client.expect("error"))["what"]
+        await client.say("hello", schema=SCHEMA_VERSION, client="a\nb\x1b[2J")
+        await client.expect("connected")
+        assert not bench.task.done()
+
+    on_bench(run)
+
+
+def test_a_frame_that_cannot_be_encoded_is_an_event_and_the_next_one_goes_out() -> None:
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        await client.say("run")
+        await bench.settle()
+        bench.server.publish(replace(frame(0), t0_ns=1))  # not whole microseconds
+        bench.server.publish(frame(1))
+        message, data = await client.hear()
+        assert (message["k"], decode_frame(data).seq) == (1, 1)
+        assert [item.code for item in bench.events] == ["client-joined", "frame-failed"]
 
     on_bench(run)
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.angles import difference_deg, difference_rad, heading_deg, heading_rad, mean_deg, wrap_deg, wrap_rad
+from common.angles import difference_deg, difference_rad, heading_deg, heading_rad, wrap_deg, wrap_rad
 
 any_rad = st.floats(-1e6, 1e6)
 any_deg = st.floats(-1e6, 1e6)
@@ -70,25 +70,3 @@ def test_the_difference_goes_the_short_way_and_clockwise_is_positive() -> None:
 @given(st.floats(0.0, 359.999))
 def test_headings_convert_there_and_back(heading: float) -> None:
     assert abs(difference_deg(heading_deg(heading_rad(heading)), heading)) < 1e-9
-
-
-def test_the_mean_crosses_north() -> None:
-    mean = mean_deg([350.0, 10.0, 20.0, 340.0])
-    assert mean is not None
-    assert difference_deg(mean, 0.0) == pytest.approx(0.0, abs=1e-9)
-    assert mean_deg([80.0, 100.0]) == pytest.approx(90.0)
-
-
-@given(st.floats(0.0, 360.0), st.lists(st.floats(-80.0, 80.0), min_size=1, max_size=8))
-def test_the_mean_turns_with_its_angles(turn: float, spread: list[float]) -> None:
-    straight = mean_deg(spread)
-    turned = mean_deg(turn + angle for angle in spread)
-    assert straight is not None
-    assert turned is not None
-    assert abs(difference_deg(turned, straight + turn)) < 1e-6
-
-
-def test_no_angles_and_angles_that_cancel_have_no_mean() -> None:
-    assert mean_deg([]) is None
-    assert mean_deg([0.0, 180.0]) is None
-    assert mean_deg([0.0, 120.0, 240.0]) is None

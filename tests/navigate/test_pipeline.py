@@ -12,10 +12,13 @@ import pytest
 from common.errors import WayfixError
 from common.messages import Event, Fix, Frame, Heading
 from common.sensors import BoatTable
+from common.simulation.scenarios import scenario_voyage
 from shore.navigation.estimate import Estimate
 from shore.navigation.measurements import Position, Reader
 from shore.pipeline import Pipeline, SeenFrames
 from tests.navigate.voyages import BOAT, HOME, sail
+from tests.offline import config_of
+from tests.offline import frames_of as offline_frames
 
 FILTERS = ("fuzzy", "ukf", "kf", "fuzzy-thesis")
 
@@ -179,10 +182,10 @@ def test_a_restart_of_the_daemon_carries_on_and_a_reboot_starts_again(short_voya
     daemon = [replace(f, boot_id="b2", start_no=2, seq=f.seq - 30) for f in short_voyage[30:40]]
     estimates, events = play(pipeline, daemon)
     assert len(estimates) == 10
-    assert not events
+    assert [told.code for told in events] == ["daemon-restarted"]
     reboot = [replace(f, boot_id="b3", clock_id="c2", start_no=3, seq=f.seq - 50) for f in short_voyage[50:70]]
     estimates, events = play(pipeline, reboot)
-    assert [told.code for told in events] == ["boat-restarted", "filter-started"]
+    assert [told.code for told in events] == ["board-rebooted", "filter-started"]
     assert estimates[0].seq == 0
     assert play(pipeline, [short_voyage[45]]) == ([], [])
 
@@ -271,3 +274,33 @@ def test_seen_frames_against_a_plain_set() -> None:
         assert seen.add(first, last) == (not span <= known)
         known |= span
     assert len(seen._starts) == 1
+
+
+def test_a_wrong_first_fix_is_left_after_ten_good_ones() -> None:
+    voyage = scenario_voyage("5.3", seconds=40)
+    frames = offline_frames(voyage)
+    number = next(index for index, frame in enumerate(frames) if frame.fixes)
+    wrong = replace(frames[number].fixes[0], lat_deg=49.0)
+    frames[number] = replace(frames[number], fixes=(wrong,))
+    pipeline = Pipeline(config_of(voyage), ["ukf"])
+    outputs = [pipeline.push(frame) for frame in frames]
+    codes = [item.code for output in outputs for item in output.events]
+    assert codes.count("fix-far") == codes.count("origin-moved") == 1
+    assert abs(outputs[-1].estimates[0].lat_deg - 50.766) < 0.01
+
+
+@pytest.mark.parametrize("step_s", [1e-10, 0.0, -1.0, 1e6])
+def test_an_impossible_step_is_refused(step_s: float) -> None:
+    voyage = scenario_voyage("5.3", seconds=5)
+    with pytest.raises(WayfixError, match=r"give 0\.05 to 60 s"):
+        Pipeline(config_of(voyage), ["ukf"], step_s)
+
+
+def test_a_restarted_daemon_is_told_and_the_filters_carry_on() -> None:
+    voyage = scenario_voyage("5.3", seconds=20)
+    frames = offline_frames(voyage)
+    frames[100:] = [replace(frame, boot_id="1" * 16, start_no=2) for frame in frames[100:]]
+    pipeline = Pipeline(config_of(voyage), ["ukf"])
+    codes = [item.code for frame in frames for item in pipeline.push(frame).events]
+    assert codes.count("daemon-restarted") == 1
+    assert codes.count("filter-started") == 1

@@ -320,3 +320,16 @@ def test_a_longer_silence_is_a_gap_and_the_next_sample_covers_its_own_period() -
     seconds, inputs = zip(*covered(track, 0.1, 2.0), strict=True)
     assert inputs == (1.0, None, 2.0)
     assert seconds == pytest.approx((0.25, 1.6, 0.05))
+
+
+def test_missing_frames_are_bridged_rightly_when_lines_share_a_stamp() -> None:
+    """The board integrates the mean of lines with one stamp; the bridge must take the same off the later block."""
+    track = ImuTrack(IMU)
+    track.insert(block(0.0, [1.0] * 2, sums=(2, 0.05, 0.05)), "boot")
+    # 0.1 ... 1.0 s were lost: 19 samples of 2.0. Then three lines with one stamp, mean 4.0, and one more.
+    later = replace(block(1.05, [2.0, 4.0, 6.0, 4.0]), offset_us=(0, 0, 0, 50_000))
+    total = 0.05 * 1.0 + 0.95 * 2.0 + 0.05 * 4.0 + 0.05 * 4.0
+    later = replace(later, sum_accel_fwd_m_s=total, sum_yaw_deg=total, sum_count=2 + 19 + 4, sum_time_s=1.1)
+    track.insert(later, "boot")
+    bridged = [value for _, value in covered(track, 0.05, 1.0)]
+    assert bridged[0] == pytest.approx(2.0, rel=0.03)

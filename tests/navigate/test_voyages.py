@@ -48,8 +48,8 @@ def test_in_scenario_53_fuzzy_ends_as_good_as_a_filter_that_knows_the_noise() ->
     to_oracle, to_fixed = interval(squares[:, [0, 1]]), interval(squares[:, [0, 2]])
     print(f"fuzzy / oracle {to_oracle}, fuzzy / fixed {to_fixed}")
     assert to_oracle[1] <= 1.10, to_oracle
-    # The optimum is 0.445 (docs/decisions.md): no filter can be sure to stay below 0.5 on a draw of fifty.
-    assert to_fixed[0] <= 0.5, to_fixed
+    # The optimum is 0.445 (docs/decisions.md): on a draw of fifty seeds even that has an interval beyond 0.5.
+    assert to_fixed[1] <= 0.6, to_fixed
 
 
 def test_a_real_boat_gains_from_gyro_and_sideways_accelerometer() -> None:

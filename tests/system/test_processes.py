@@ -60,7 +60,9 @@ def test_a_signal_ends_the_demo_and_its_children_within_two_seconds(tmp_path: Pa
         while read_log(newest_log(tmp_path)).damage is not None or any(map(is_alive, children)):
             assert time.monotonic() - started < STOP_S, [(pid, is_alive(pid)) for pid in children]
             time.sleep(0.02)
-        demo.finish(10)  # the table and the picture of what there was
+        assert demo.finish(10) == 0
+        assert time.monotonic() - started < STOP_S
+        assert demo.out[0].startswith("stopped after ")
         assert "Traceback" not in "\n".join(demo.err)
     finally:
         demo.end()
@@ -108,6 +110,16 @@ def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
         assert done.stderr.count("the run goes on without a log") == 1
         assert "Traceback" not in done.stderr
         assert len(list(read_log(newest_log(tmp_path / "log")).frames())) > 0
+
+
+@pytest.mark.parametrize("delay_s", [0.3, 0.8])
+def test_a_signal_while_the_demo_starts_is_no_fault(tmp_path: Path, delay_s: float) -> None:
+    demo = Process("wayfix", "demo", "--log", tmp_path)
+    demo.wait_for_words("starting the virtual boat")
+    time.sleep(delay_s)  # somewhere between the first child and the first frame
+    demo.send(signal.SIGINT)
+    assert ends_within(demo, STOP_S) == 0
+    assert not any(line.startswith("wayfix:") for line in demo.err)
 
 
 def test_killing_the_daemon_leaves_the_station_with_one_sentence(tmp_path: Path) -> None:

@@ -1,0 +1,130 @@
+"""Ports on real pseudo-terminals; the chain behind a port with a silent reopen."""
+
+import asyncio
+import os
+import pty
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from common.clock import BoatClock
+from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
+from common.units import NS_PER_S
+from onboard.daemon import PortChain
+from onboard.health import SensorMonitor
+from onboard.ports import Port, reason_of
+
+Pty = tuple[int, int, str]
+
+
+@pytest.fixture
+def terminal() -> Iterator[Pty]:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    yield master, slave, os.ttyname(slave)
+    for descriptor in (master, slave):
+        try:
+            os.close(descriptor)
+        except OSError:
+            continue  # the test has pulled the plug
+
+
+class Watched:
+    """A port that notes what it is told."""
+
+    def __init__(self, path: str) -> None:
+        self.chunks: list[bytes] = []
+        self.reasons: list[str | None] = []
+        self.port = Port(
+            PortTable(name="p", path=path), BoatClock(), lambda data, _t: self.chunks.append(data), self.reasons.append
+        )
+
+    async def until(self, true: Any, seconds: float = 5.0) -> None:
+        deadline = time.monotonic() + seconds
+        while not true():
+            assert time.monotonic() < deadline, (self.chunks, self.reasons)
+            await asyncio.sleep(0.01)
+
+
+def test_a_port_reads_is_lost_once_and_idles_without_spinning(terminal: Pty) -> None:
+    master, slave, path = terminal
+
+    async def run() -> None:
+        watched = Watched(path)
+        task = asyncio.create_task(watched.port.run())
+        await watched.until(lambda: watched.reasons == [None])
+        os.write(master, b"hello\r\n")
+        await watched.until(lambda: b"".join(watched.chunks) == b"hello\r\n")
+        os.close(slave)
+        os.close(master)
+        await watched.until(lambda: watched.reasons[-1] is not None)
+        used_s = time.process_time()
+        await asyncio.sleep(0.5)
+        assert time.process_time() - used_s < 0.25  # a vanished adapter is readable for ever
+        assert watched.reasons[0] is None
+        assert len(watched.reasons) <= 3  # lost, and at most one other reason while it is gone
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(run())
+
+
+def test_an_open_that_hangs_is_waited_for_once_and_does_not_hold_up_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    release, started = threading.Event(), []
+
+    def hang(table: PortTable) -> None:
+        started.append(table.name)
+        release.wait(20)
+
+    monkeypatch.setattr("onboard.ports.open_serial", hang)
+    monkeypatch.setattr("onboard.ports.OPEN_DEADLINE_S", 0.05)
+    monkeypatch.setattr("onboard.ports.LAST_BACK_OFF_S", 0.05)
+    monkeypatch.setattr("onboard.ports.FIRST_BACK_OFF_S", 0.05)
+
+    async def run() -> None:
+        watched = Watched("/dev/none")
+        task = asyncio.create_task(watched.port.run())
+        await asyncio.wait_for(watched.port.tried.wait(), 5)
+        await asyncio.sleep(0.5)
+        assert watched.reasons == ["opening takes longer than 0.05 s"]
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    began = time.monotonic()
+    asyncio.run(run())
+    assert time.monotonic() - began < 5.0
+    assert started == ["p"]
+    release.set()
+
+
+def test_reasons_are_words() -> None:
+    assert reason_of(FileNotFoundError(2, "x")) == "no such device"
+    assert reason_of(ValueError("odd")) == "odd"
+
+
+def test_a_half_line_from_before_a_silent_reopen_is_never_joined_to_a_new_one() -> None:
+    sensor = SensorTable(id="imu1", port="p", role="imu", model="arduimu")
+    table = PortTable(name="p", path="/dev/none")
+    config = BoatConfig(boat=BoatTable(id="b"), port=(table,), sensor=(sensor,))
+    taken: list[Any] = []
+    monitor = SensorMonitor(sensor, 0)
+    daemon: Any = SimpleNamespace(
+        config=config, clock=BoatClock(), monitors={"imu1": monitor}, take=taken.append, happened=taken.append
+    )
+    chain = PortChain(daemon, table)
+    monitor.port_changed(None, 0)
+    line = b"!!!VER:1.9,AN0:1,AN1:1,AN2:16,AN3:1,AN4:1,AN5:-4096,IMUH:253***\r\n"
+    chain.chunk(line, NS_PER_S)
+    assert taken
+    taken.clear()
+    chain.chunk(line[:26], 2 * NS_PER_S)  # ... AN2:1
+    chain.reopen_if_silent(9 * NS_PER_S)
+    chain.chunk(line[31:], 10 * NS_PER_S)
+    assert not taken
+    chain.chunk(line, 11 * NS_PER_S)
+    assert taken
