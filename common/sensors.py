@@ -1,4 +1,4 @@
-"""One table of roles, and the facts of one boat's sensors (the board's configuration file, design section 3).
+"""One table of roles, and the facts of one boat's sensors (the board's configuration file).
 
 Liveness limits, frame fields and documentation derive from `ROLES`. The board's file is the only source of sensor
 facts: the parsed tables travel in `connected` and into the log.

@@ -1,4 +1,4 @@
-"""Byte budget of one port: what keeps a babbling device from taking the daemon with it (design section 3).
+"""Byte budget of one port: what keeps a babbling device from taking the daemon with it.
 
 A bucket that refills at the budget's rate and holds one second of it, so that a whole GPS epoch may come as one burst.
 """

@@ -1,7 +1,7 @@
 """Boat clock -> UTC from GNSS pairs, first form.
 
 A sentence always arrives late, never early, so the smallest (arrival - UTC) of the last minute is the best offset
-(lower envelope, `studies/onboard` section 5). A disagreement of more than a second is a step: `epoch` + 1, start anew.
+(lower envelope). A disagreement of more than a second is a step: `epoch` + 1, start anew.
 """
 
 from collections import deque
@@ -14,7 +14,7 @@ from common.units import NS_PER_MS, NS_PER_S
 WINDOW_NS: Final = 60 * NS_PER_S
 STEP_NS: Final = NS_PER_S
 UNCERTAINTY_NS: Final = 100 * NS_PER_MS
-"""Spread of NMEA latency without PPS that no envelope can see (1-sigma, `studies/onboard` section 5)."""
+"""Spread of NMEA latency without PPS that no envelope can see (1-sigma)."""
 
 
 @dataclass(frozen=True, slots=True)

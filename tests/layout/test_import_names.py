@@ -1,4 +1,4 @@
-"""Guards of our plain package names, and of what the board may import (design section 1; style-anchors section 4).
+"""Guards of our plain package names, and of what the board may import.
 
 `common` is a name others use too: in an editable install a foreign `common` wins, with wheels the last one does.
 """

@@ -59,6 +59,6 @@ def test_the_machine_has_one_clock_id_that_fits_a_frame() -> None:
     assert 0 < len(machine_clock_id()) <= 64
 
 
-def test_a_machine_without_a_boot_id_never_compares_its_times_with_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_a_boot_id_times_are_never_compared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(common.clock, "_BOOT_ID_FILE", tmp_path / "none")
     assert machine_clock_id() != machine_clock_id()

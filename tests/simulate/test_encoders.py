@@ -58,7 +58,7 @@ def test_checksums_of_lines_of_real_devices() -> None:
 
 
 def test_epoch_looks_like_a_bu_353() -> None:
-    # The position and time of the capture in serial-formats section 1; altitude and course differ.
+    # The position and time of a real BU-353 S4; altitude and course differ.
     reading = FixReading(-(37 + 47.0873 / 60), 175 + 18.8938 / 60)
     encoded = GpsEncoder(UTC_NS, decimals=4).encode(0.0, reading)
     gga, gsa, rmc = encoded.data.decode().splitlines()

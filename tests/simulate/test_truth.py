@@ -44,7 +44,7 @@ def test_integrated_imu_gives_back_the_truth_through_the_turns(track: Truth, rat
     v_east, v_north, heading = truth.v_east_m_s[0], truth.v_north_m_s[0], truth.heading_rad[0]
     position, velocity = [], []
     for k in range(len(fwd)):
-        # design section 4, heading in the middle of the interval
+        # resolved at the heading in the middle of the interval
         middle = heading + 0.5 * step * yaw_rate[k]
         a_east = math.sin(middle) * fwd[k] + math.cos(middle) * stb[k]
         a_north = math.cos(middle) * fwd[k] - math.sin(middle) * stb[k]
