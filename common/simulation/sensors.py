@@ -82,7 +82,7 @@ def compass_heading_deg(truth: Truth, phases: Sequence[Phase], draw: np.random.G
 def body_motion(truth: Truth) -> tuple[Array, Array, Array]:
     """Means over the n - 1 intervals between the times of `truth`: accel_fwd and accel_stb (m/s^2), yaw rate (rad/s).
 
-    The mid heading resolves the acceleration into forward and starboard (the transpose of the filters' rotation, clockwise
+    The mid heading resolves the acceleration into forward and starboard (transpose of the filters' rotation, clockwise
     heading): a_fwd = sin(psi) a_east + cos(psi) a_north, a_stb = cos(psi) a_east - sin(psi) a_north.
     """
     step_s = np.diff(truth.t_s)
