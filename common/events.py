@@ -31,7 +31,9 @@ EVENTS: Final[dict[str, EventKind]] = {
     "port-calm": EventKind("info", "{port} is within its byte budget again", "nothing to do"),
     "sensor-delivering": EventKind("info", "{sensor} delivers", "nothing to do"),
     "sensor-silent": EventKind(
-        "warning", "{sensor} is silent for {age_s} s", "check cable, baud rate and the device's output settings"
+        "warning",
+        "{sensor} is silent for {age_s} s: {reason}",
+        "check cable, baud rate and the device's output",
     ),
     "clock-stepped": EventKind(
         "warning",
@@ -55,6 +57,12 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "link-restored": EventKind("info", "frames arrive again after {age_s} s", "nothing to do"),
     "daemon-restarted": EventKind("warning", "the boat's daemon was restarted; the filters carry on", "nothing to do"),
+    "config-changed": EventKind(
+        "warning", "the boat came back with another configuration; the filters start anew", "nothing to do"
+    ),
+    "state-unusable": EventKind(
+        "warning", "the start counter cannot be kept: {reason}", "give a writable --state directory"
+    ),
     "board-rebooted": EventKind("warning", "the board was rebooted; the filters start anew", "nothing to do"),
     "origin-moved": EventKind(
         "warning",

@@ -29,7 +29,7 @@ def read_toml(path: str | Path, table: type[T]) -> T:
     """Read a TOML file into the frozen dataclass `table`; raises SettingsError with every fault found."""
     file = str(path)
     try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise SettingsError(file, [f"cannot be read ({error.strerror})"], "give the path of a readable file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -37,13 +37,28 @@ def read_toml(path: str | Path, table: type[T]) -> T:
     return convert(data, table, file)
 
 
-def convert(data: Mapping[str, Any], table: type[T], file: str = "settings") -> T:
-    """Turn nested dicts (TOML, or the wire's config map) into `table`; raises SettingsError with every fault found."""
+def convert(data: Mapping[str, Any], table: type[T], file: str = "settings", *, strict: bool = True) -> T:
+    """Turn nested dicts (TOML, or the wire's config map) into `table`; raises SettingsError with every fault found.
+
+    Not strict: unknown keys are passed over, as a newer board or log may have them.
+    """
     faults: list[str] = []
-    value = _table(data, table, "", faults)
+    value = _table(data if strict else _known(data, table), table, "", faults)
     if faults:
         raise SettingsError(file, faults)
     return typing.cast("T", value)
+
+
+def _known(data: Any, hint: Any) -> Any:
+    """`data` without the keys that the tables of `hint` do not know."""
+    if get_origin(hint) is Annotated:
+        hint = get_args(hint)[0]
+    if get_origin(hint) is tuple and isinstance(data, list | tuple):
+        return [_known(item, get_args(hint)[0]) for item in data]
+    if not dataclasses.is_dataclass(hint) or not isinstance(data, Mapping):
+        return data
+    hints = typing.get_type_hints(hint, include_extras=True)
+    return {key: _known(item, hints[key]) for key, item in data.items() if key in hints}
 
 
 def as_dict(value: Any) -> Any:

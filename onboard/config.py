@@ -1,6 +1,8 @@
 """The board's configuration file: read, checked as a whole, every fault reported at once."""
 
+import os
 import re
+from itertools import combinations
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +14,7 @@ from onboard.devices import make_driver
 _SENSOR_ID = re.compile(rf"({'|'.join(ROLES)})([1-9]\d?)")
 
 # Bytes one measurement costs on the wire, generous: a GPS epoch with its satellite tables, an ArduIMU line, ...
+_TALKER = re.compile("[A-Z][A-Z0-9]")
 _NOMINAL_BYTES = {"gps": 500, "imu": 160, "gyro": 40, "compass": 80, "ais": 4000, "radar": 2000}
 WHOLE_RATES_HZ: Final = (1, 2, 4, 5, 8, 10, 16, 20)
 """Rates whose period is a whole number of microseconds and divides the second."""
@@ -48,7 +51,7 @@ def _faults(config: BoatConfig) -> list[str]:
     if not config.sensor:
         faults.append("[[sensor]]: none given, at least one sensor is needed")
     ports = [port.name for port in config.port]
-    paths = [port.path for port in config.port]
+    paths = [os.path.realpath(port.path) for port in config.port]
     ids = [sensor.id for sensor in config.sensor]
     if config.frames.rate_hz not in WHOLE_RATES_HZ:
         known = ", ".join(f"{rate:g}" for rate in WHOLE_RATES_HZ)
@@ -60,6 +63,12 @@ def _faults(config: BoatConfig) -> list[str]:
     faults += [f"[[sensor]] {name}: id given twice" for name in _repeated(ids)]
     for sensor in config.sensor:
         faults += _sensor_faults(sensor, ports)
+    for first, second in combinations(config.sensor, 2):
+        same = (first.port, first.role) == (second.port, second.role)
+        apart = first.talkers and second.talkers and not set(first.talkers) & set(second.talkers)
+        if same and not apart:
+            where = f"[[sensor]] {second.id}.talkers"
+            faults.append(f"{where}: {first.id} on the same port takes the same lines, give both different talkers")
     return faults
 
 
@@ -71,6 +80,11 @@ def _sensor_faults(sensor: SensorTable, ports: list[str]) -> list[str]:
         faults.append(f"{where}.id: must be a role and a number, like {sensor.role}1")
     elif match[1] != sensor.role:
         faults.append(f"{where}.role: {sensor.role} does not fit the id, which says {match[1]}")
+    faults += [
+        f"{where}.talkers: must be two capital letters like GP, got {talker!r}"
+        for talker in sensor.talkers
+        if not _TALKER.fullmatch(talker)
+    ]
     if sensor.port not in ports:
         faults.append(f"{where}.port: no [[port]] is named {sensor.port} (known: {', '.join(ports) or 'none'})")
     try:

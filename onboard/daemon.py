@@ -7,6 +7,7 @@ port chunk -> lines -> devices -> framer --tick--> server
 
 import asyncio
 import logging
+import os
 import secrets
 import signal
 from collections.abc import Callable
@@ -16,7 +17,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from common.clock import BoatClock, machine_clock_id
-from common.errors import WayfixError
 from common.events import event, line_of
 from common.messages import ClockPair, Event, Frame, RawLine
 from common.sensors import BoatConfig, PortTable
@@ -52,22 +52,31 @@ def versions() -> dict[str, str]:
     return found
 
 
-def next_start_no(state_dir: Path | None) -> int:
-    """Count one more start in the state directory (0 without one); raises WayfixError when it cannot be written."""
+def next_start_no(state_dir: Path | None) -> tuple[int, str | None]:
+    """Count one more start in the state directory (0 without one): the number, and why it could not be kept.
+
+    A boat must sail: a counter that is damaged or cannot be written is a warning, never a refusal.
+    """
     if state_dir is None:
-        return 0
+        return 0, None
     file = state_dir / "start_no"
+    number, fault = 1, None
+    try:
+        if file.exists():
+            number = int(file.read_text(encoding="ascii")) + 1
+    except (OSError, ValueError) as error:
+        fault = f"{file}: {error}"
     try:
         state_dir.mkdir(parents=True, exist_ok=True)
-        number = int(file.read_text(encoding="ascii")) + 1 if file.exists() else 1
         temporary = file.with_suffix(".new")
-        temporary.write_text(f"{number}\n", encoding="ascii")
+        with temporary.open("w", encoding="ascii") as stream:
+            stream.write(f"{number}\n")
+            stream.flush()
+            os.fsync(stream.fileno())
         temporary.replace(file)
-    except (OSError, ValueError) as error:
-        raise WayfixError(
-            f"start counter unusable ({error})", str(file), "give a writable --state directory"
-        ) from error
-    return number
+    except OSError as error:
+        fault = f"{file}: {error.strerror}"
+    return number, fault
 
 
 class PortChain:
@@ -87,6 +96,8 @@ class PortChain:
 
     def chunk(self, data: bytes, t_ns: int) -> None:
         """Bytes as read, stamped once."""
+        for monitor in self.monitors:
+            monitor.heard_bytes += len(data)
         allowed = self._budget.take(len(data), t_ns)
         for line in self._splitter.feed(data[:allowed], t_ns):
             self._count(self.decoder.feed(line), t_ns)
@@ -163,7 +174,8 @@ class Daemon:
         self.clock = clock
         self.period_ns = round(NS_PER_S / config.frames.rate_hz)
         now_ns = clock.now_ns()
-        identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), next_start_no(state_dir))
+        start_no, self._state_fault = next_start_no(state_dir)
+        identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), start_no)
         self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
         self.framer = Framer(
             identity, [sensor.id for sensor in config.with_role("imu")], self._next_tick_ns - self.period_ns
@@ -196,9 +208,11 @@ class Daemon:
         """Run until `stop`; on_ready is told where the socket listens once ports are polled. Raises WayfixError."""
         endpoint = self.server.bind(bind)
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         self.happened(event("daemon-started", self.clock.now_ns(), "daemon", sensors=len(self.config.sensor)))
+        if self._state_fault is not None:
+            self.happened(event("state-unusable", self.clock.now_ns(), "daemon", reason=self._state_fault))
         workers = [asyncio.create_task(chain.port.run()) for chain in self.chains]
         workers += [asyncio.create_task(self.server.run()), asyncio.create_task(self._tick_for_ever())]
         stopping = asyncio.create_task(self._stop.wait())

@@ -22,13 +22,17 @@ class SensorMonitor:
         self.table = table
         self.rejected: dict[str, int] = {}
         self.accepted = 0
+        self.heard_bytes = 0
+        """Bytes that came in on the sensor's port, readable or not."""
         self.flooded = False
         self.discarded_bytes = 0
         self.periodic = ROLES[table.role].periodic
         self._stale_ns = int(min(stale_after_s(table.role, table.rate_hz), 1e9) * NS_PER_S)
         self._started_ns = started_ns
         self._last_good_ns: int | None = None
-        self._since_ns = started_ns
+        self._heard_at_good = self._bad_at_good = 0
+        self._silence_told = False
+        self._since_ns = self._opened_ns = started_ns
         """From when silence is counted: start or the port's last opening."""
         self._recent: deque[int] = deque(maxlen=4096)
         self._port_reason: str | None = "not opened yet"
@@ -39,6 +43,8 @@ class SensorMonitor:
         """A good line at `t_ns`; measured = it completed a measurement (a fix, a sample, a heading)."""
         self.accepted += 1
         self._last_good_ns = t_ns
+        self._heard_at_good = self.heard_bytes
+        self._bad_at_good = sum(self.rejected.values())
         if measured:
             self._recent.append(t_ns)
 
@@ -52,6 +58,8 @@ class SensorMonitor:
 
     def port_changed(self, reason: str | None, t_ns: int) -> None:
         """The port opened (None) or was lost."""
+        if reason is None and self._port_reason is not None:
+            self._opened_ns = t_ns
         self._port_reason = reason
         self._since_ns = t_ns
 
@@ -63,10 +71,16 @@ class SensorMonitor:
             return "delivering", None
         if self._last_good_ns is not None and now_ns - self._last_good_ns <= self._stale_ns:
             return "delivering", None
-        if self._last_good_ns is None:
-            bad = sum(self.rejected.values())
-            return "silent", f"nothing readable yet, {bad} bad lines" if bad else "nothing received yet"
-        return "silent", f"nothing for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
+        return "silent", self._why_silent(now_ns)
+
+    def _why_silent(self, now_ns: int) -> str:
+        if self.heard_bytes == self._heard_at_good:
+            if self._last_good_ns is None:
+                return "nothing received yet"
+            return f"nothing received for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
+        bad = sum(self.rejected.values()) - self._bad_at_good
+        count = self.heard_bytes - self._heard_at_good
+        return f"{count} bytes came, no line of this sensor, {bad} bad ones; wrong baud rate, wrong port or talker?"
 
     def overdue(self, now_ns: int) -> bool:
         """True when the open port has been silent so long that it should be reopened."""
@@ -77,21 +91,26 @@ class SensorMonitor:
         """Health when due (once a second, and on every change of state), and the event of a change."""
         state, reason = self.state(now_ns)
         changed = state != self._state
-        if not changed and now_ns - self._reported_ns < REPORT_NS:
+        happening = self._silence_event(state, reason, now_ns)
+        if not changed and happening is None and now_ns - self._reported_ns < REPORT_NS:
             return None, None
-        happened = self._change_event(state, now_ns) if changed else None
+        if changed and state == "delivering" and self.periodic:
+            happening = event("sensor-delivering", now_ns, self.table.id, sensor=self.table.id)
         self._state, self._reported_ns = state, now_ns
-        return self._health(state, reason, now_ns), happened
+        return self._health(state, reason, now_ns), happening
 
-    def _change_event(self, state: str, now_ns: int) -> Event | None:
+    def _silence_event(self, state: str, reason: str | None, now_ns: int) -> Event | None:
+        """Once for each silence, when it is longer than the limit; counted from the port's opening at the start."""
+        if state != "silent":
+            self._silence_told = False
+            return None
+        since_ns = self._last_good_ns or self._opened_ns
+        if self._silence_told or now_ns - since_ns <= self._stale_ns:
+            return None
+        self._silence_told = True
+        age_s = round((now_ns - since_ns) / NS_PER_S)
         sensor = self.table.id
-        if state == "delivering" and self.periodic:
-            return event("sensor-delivering", now_ns, sensor, sensor=sensor)
-        # Silence right after the start or after a reopen is waiting, not an event; a lost port has its own event.
-        if state == "silent" and self._state == "delivering":
-            age_s = round((now_ns - (self._last_good_ns or now_ns)) / NS_PER_S)
-            return event("sensor-silent", now_ns, sensor, sensor=sensor, age_s=age_s)
-        return None
+        return event("sensor-silent", now_ns, sensor, sensor=sensor, age_s=age_s, reason=reason)
 
     def _health(self, state: str, reason: str | None, now_ns: int) -> SensorHealth:
         while self._recent and self._recent[0] < now_ns - RATE_WINDOW_NS:

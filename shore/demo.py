@@ -204,7 +204,14 @@ class Demo:
             source = ["--recording", str(self.options.recording), "--map", str(self.options.mapping)]
         length = [] if self.options.seconds is None else ["--seconds", f"{self.options.seconds:g}"]
         self._say("starting the virtual boat and the daemon ...")
-        place = ["--dir", str(directory / "boat"), "--bind", "tcp://127.0.0.1:*", "--seed", str(self.options.seed)]
+        place = [
+            "--dir",
+            str(_new_directory(directory)),
+            "--bind",
+            "tcp://127.0.0.1:*",
+            "--seed",
+            str(self.options.seed),
+        ]
         self._virtual = Child("virtual boat", ["virtual", *source, *length, *place, *clock, "--hold"])
         ready = self._virtual.expect("ready", READY_S, self._stop)
         self._daemon = Child("daemon", ["run", ready["config"], *clock])
@@ -264,4 +271,22 @@ class Demo:
             summary["picture"] = str(picture)
         except ImportError:
             self._say("no picture: matplotlib is missing; pip install 'wayfix[report]'")
+        except OSError as error:
+            self._say(f"no picture: {picture} cannot be written ({error.strerror})")
         return summary
+
+
+def _new_directory(parent: Path) -> Path:
+    """`boat`, `boat-2`, ...: the truth of an earlier run in the same place stays with its log."""
+    number = 1
+    while True:
+        directory = parent / ("boat" if number == 1 else f"boat-{number}")
+        try:
+            directory.mkdir()
+        except FileExistsError:
+            number += 1
+            continue
+        except OSError as error:
+            cure = "give a directory that can be written"
+            raise WayfixError(f"cannot be used ({error.strerror})", str(parent), cure) from error
+        return directory

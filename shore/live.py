@@ -64,8 +64,8 @@ class StopFlag:
 
     @contextmanager
     def on_signals(self) -> Iterator["StopFlag"]:
-        """Catch SIGINT and SIGTERM inside the block."""
-        handled = (signal.SIGINT, signal.SIGTERM)
+        """Catch SIGINT, SIGTERM and a closed terminal (SIGHUP) inside the block."""
+        handled = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         previous = {number: signal.signal(number, self._catch) for number in handled}
         try:
             yield self
@@ -121,16 +121,20 @@ class LiveRun:
         self._options = options
         self._stopped = stopped
         self._say = say
-        self.connected = link.connect(stopped=stopped)
-        self.config = convert(self.connected["config"], BoatConfig, "configuration of the board")
-        self._pipeline = Pipeline(self.config, options.filters, options.step_s)
-        self._status = StatusLine(self.config, options.filters[0])
+        self._adopt(link.connect(stopped=stopped))
         self._next_seq: int | None = None
         self._boot_id = self.connected["boot_id"]
         self._recorder = Recorder(options.log_dir, self.config.boat.id, say)
         self._lost_since_ns: int | None = None
         self.broken = False
         """A bounded run ended because the link broke."""
+
+    def _adopt(self, connected: dict[str, Any]) -> None:
+        """Take the board's facts from its greeting; filters begin anew."""
+        self.connected = connected
+        self.config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
+        self._pipeline = Pipeline(self.config, self._options.filters, self._options.step_s)
+        self._status = StatusLine(self.config, self._options.filters[0])
 
     @property
     def log_path(self) -> Path | None:
@@ -140,13 +144,13 @@ class LiveRun:
     def run(self) -> Tally:
         """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
         self._next_seq = self.connected["next_seq"]
-        self._write_session()
-        for sensor in self.connected.get("sensors", []):
-            reason = f": {sensor['reason']}" if sensor.get("reason") else ""
-            self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
-        self._link.run(self._options.frames, self._options.period_s)
         next_second_ns = boottime_ns() + NS_PER_S
         try:
+            self._write_session()
+            for sensor in self.connected.get("sensors", []):
+                reason = f": {sensor['reason']}" if sensor.get("reason") else ""
+                self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
+            self._link.run(self._options.frames, self._options.period_s)
             while not self._stopped() and not self.broken:
                 received = self._receive()
                 if received is not None and received.end is not None:
@@ -194,7 +198,8 @@ class LiveRun:
         first_seq = frame.seq if frame.first_seq is None else frame.first_seq
         if frame.boot_id != self._boot_id:
             self._boot_id = frame.boot_id
-        elif self._next_seq is not None and first_seq > self._next_seq and self._options.frames is None:
+            self._next_seq = 0  # what a new start of the board sent before we found it again
+        if self._next_seq is not None and first_seq > self._next_seq and self._options.frames is None:
             count = first_seq - self._next_seq
             self.tally.missing += count
             yield event("frames-missing", frame.t1_ns, "link", count=count, seq=first_seq)
@@ -233,8 +238,10 @@ class LiveRun:
         """Throw the socket away and greet anew; a restarted board or a new address is found like this."""
         with suppress(LinkError, CodecError):
             connected = self._link.connect(RETRY_S, self._stopped)
-            if connected["boot_id"] != self._boot_id:
-                self._next_seq = None
+            if connected["config"] != self.connected["config"]:
+                self._adopt(connected)
+                self._write_session()
+                self._happened(event("config-changed", self._status.t_ns, "link"), time.time_ns())
             self._link.run()
 
     def _ended(self, end: dict[str, Any]) -> None:

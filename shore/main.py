@@ -6,6 +6,7 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"wayfix: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        return 0
+    except BrokenPipeError:  # `| head`: who reads has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 0
     except ModuleNotFoundError as error:
         print(f"wayfix: {error.name} is missing; pip install 'wayfix[shore]'", file=sys.stderr)
@@ -119,14 +123,17 @@ def _replay(arguments: argparse.Namespace) -> int:
     from shore.score import score_of, score_table
 
     filters = _filters(arguments.filters) if arguments.filters else None
-    result = replay(arguments.log, filters, arguments.step, _progress if sys.stderr.isatty() else None)
+    result = replay(arguments.log, filters, arguments.step, _progress if sys.stderr and sys.stderr.isatty() else None)
     if not result.frames:
-        raise WayfixError("holds no frame", str(arguments.log), "give a log with frames in it")
+        damage = f" ({result.damage})" if result.damage else ""
+        raise WayfixError(f"holds no frame{damage}", str(arguments.log), "give a log with frames in it")
     summary: dict[str, Any] = {
         "frames": {"read": len(result.frames), "bad": result.bad_frames},
         "estimates": {"made": len(result.estimates), "recorded": result.recorded, "equal": result.equal},
     }
     print(f"{arguments.log}: {len(result.frames)} frames, filters {', '.join(result.filters)}")
+    if arguments.step is not None and not result.recorded:
+        print("estimates are not compared with the recorded ones: the step is another")
     if result.recorded:
         print(f"estimates equal to the recorded ones: {result.equal} of {result.recorded}")
     if result.damage:
@@ -205,7 +212,9 @@ def _finish(arguments: argparse.Namespace, summary: dict[str, Any]) -> None:
 
 
 def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+    """One line for the person; a terminal that is gone or full never ends a run."""
+    with suppress(OSError, ValueError):
+        print(line, file=sys.stderr, flush=True)
 
 
 def _progress(frames: Any) -> Any:

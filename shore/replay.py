@@ -1,6 +1,6 @@
 """Replay: the recorded frames through the very pipeline that ran live, in file order."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from common.messages import Frame
 from common.sensors import BoatConfig
 from common.settings import convert
 from shore.logbook.read import LogReader, read_log
+from shore.logbook.schemas import FRAMES, SESSION
 from shore.pipeline import Pipeline
 
 
@@ -39,34 +40,50 @@ def session_start(reader: LogReader, path: Path) -> dict[str, Any]:
     raise WayfixError("has no session record, so its sensors are unknown", str(path), "give a log of `wayfix connect`")
 
 
+def config_of(record: dict[str, Any], path: Path) -> BoatConfig | None:
+    """The board's configuration in a session record, or None where it has none."""
+    if record.get("kind") != "start":
+        return None
+    return convert(record["connected"]["config"], BoatConfig, f"configuration in {path}", strict=False)
+
+
 def logged_config(reader: LogReader, path: Path) -> BoatConfig:
-    """The board's configuration as it was when the log was made."""
-    return convert(session_start(reader, path)["connected"]["config"], BoatConfig, f"configuration in {path}")
+    """The board's configuration at the start of the log; raises WayfixError for a log without one."""
+    config = config_of(session_start(reader, path), path)
+    assert config is not None
+    return config
 
 
 def replay(
     path: Path, filters: Sequence[str] | None = None, step_s: float | None = None, progress: Any = None
 ) -> Replay:
-    """Replay a log. Filters and step default to those of the live run; progress wraps the iterable of frames."""
+    """Replay a log. Filters and step default to those of the live run; progress wraps the records."""
     reader = read_log(path)
-    start = session_start(reader, path)
-    options = start["options"]
+    options = session_start(reader, path).get("options", {})
     config = logged_config(reader, path)
-    names = tuple(filters or options["filters"])
+    names = tuple(filters or options.get("filters", ()))
     live_step_s = options.get("step_s")
-    pipeline = Pipeline(config, names, live_step_s if step_s is None else step_s)
+    step_s = live_step_s if step_s is None else step_s
     result = Replay(config, names)
-    frames: Iterable[bytes] = reader.frames()
-    for data in progress(frames) if progress else frames:
+    pipeline = Pipeline(config, names, step_s)
+    records = reader.records(SESSION, FRAMES)
+    for record in progress(records) if progress else records:
+        if record.topic == SESSION:
+            # A board that came back with another configuration: the live run began anew there.
+            if (changed := config_of(record.json(), path)) not in (None, result.config):
+                result.config = changed
+                pipeline = Pipeline(changed, names, step_s)
+            continue
         try:
-            frame = decode_frame(data)
+            frame = decode_frame(record.data)
         except CodecError:
             result.bad_frames += 1
             continue
         result.frames.append(frame)
         result.estimates += [estimate.as_record() for estimate in pipeline.push(frame).estimates]
     result.damage = reader.damage
-    _compare(result, reader)
+    if step_s == live_step_s:
+        _compare(result, reader)
     return result
 
 

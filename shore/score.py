@@ -23,6 +23,10 @@ from shore.navigation.measurements import Reader
 Array = NDArray[np.float64]
 
 REQUIRED_COLUMNS: Final = ("t_s", "lat_deg", "lon_deg", "heading_true_deg")
+RANGES: Final = {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 180.0), "heading_true_deg": (-360.0, 360.0)}
+LEAST_ROWS: Final = 2
+LONGEST_GAP_S: Final = 2.0
+"""Over a longer hole the reference is not interpolated: nothing is known there."""
 LATE_SHARE: Final = 0.75
 """The last quarter begins after this share of the scored time."""
 
@@ -51,6 +55,9 @@ class Reference:
         t_s = (t_ns - self.start_ns) / NS_PER_S
         if not 0.0 <= t_s <= self._t_s[-1]:
             return None
+        after = int(np.searchsorted(self._t_s, t_s))
+        if after and self._t_s[after] - self._t_s[after - 1] > LONGEST_GAP_S:
+            return None
         columns = (self.east_m, self.north_m, self._heading_deg)
         east, north, heading = (float(np.interp(t_s, self._t_s, column)) for column in columns)
         return east, north, heading
@@ -58,24 +65,47 @@ class Reference:
 
 def read_reference(path: Path, first_t_ns: int) -> Reference:
     """Read a reference file; without a `t_ns` column its t_s = 0 is `first_t_ns`. Raises WayfixError."""
+    rows = _rows(path)
+    columns = {name: np.array([_number(row, name, path, line) for line, row in rows]) for name in REQUIRED_COLUMNS}
+    if "t_ns" in rows[0][1]:
+        t_ns = np.array([_number(row, "t_ns", path, line) for line, row in rows])
+    else:
+        t_ns = first_t_ns + columns["t_s"] * NS_PER_S
+    falls = np.flatnonzero(np.diff(t_ns) <= 0.0)
+    if len(falls):
+        line = rows[int(falls[0]) + 1][0]
+        raise WayfixError(f"line {line}: time does not grow", str(path), "sort the rows by time")
+    return Reference(t_ns, columns["lat_deg"], columns["lon_deg"], columns["heading_true_deg"])
+
+
+def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
+    """(line number, row) of a CSV file with the columns a reference must have, at least two."""
+    cure = f"give CSV with {','.join(REQUIRED_COLUMNS)}[,t_ns]"
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        for name in REQUIRED_COLUMNS:
-            if not rows or name not in rows[0]:
-                raise WayfixError(
-                    f"has no column {name}", str(path), f"give CSV with {','.join(REQUIRED_COLUMNS)}[,t_ns]"
-                )
-        columns = {name: np.array([float(row[name]) for row in rows]) for name in REQUIRED_COLUMNS}
-        if rows[0].get("t_ns"):
-            t_ns = np.array([float(int(row["t_ns"])) for row in rows])
-        else:
-            t_ns = first_t_ns + columns["t_s"] * NS_PER_S
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, skipinitialspace=True)
+            rows = [(reader.line_num, row) for row in reader]
     except OSError as error:
         raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give a readable reference file") from error
-    except (ValueError, TypeError) as error:
-        raise WayfixError(f"has a field that is no number ({error})", str(path), "correct the file") from error
-    return Reference(t_ns, columns["lat_deg"], columns["lon_deg"], columns["heading_true_deg"])
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise WayfixError(f"is no CSV text ({error})", str(path), cure) from error
+    if len(rows) < LEAST_ROWS:
+        raise WayfixError(f"has {len(rows)} rows, two are the least", str(path), cure)
+    if missing := [name for name in REQUIRED_COLUMNS if name not in rows[0][1]]:
+        raise WayfixError(f"has no column {', '.join(missing)}", str(path), cure)
+    return rows
+
+
+def _number(row: dict[str, str], name: str, path: Path, line: int) -> float:
+    """One field, finite and within its range."""
+    try:
+        value = float(row[name])
+    except (TypeError, ValueError):
+        value = float("nan")
+    low, high = RANGES.get(name, (-np.inf, np.inf))
+    if not np.isfinite(value) or not low <= value <= high:
+        raise WayfixError(f"line {line}: {name} cannot be {row[name]!r}", str(path), "correct the row or leave it out")
+    return value
 
 
 @dataclass(slots=True)
@@ -155,6 +185,9 @@ def score_of(reference: Path, config: BoatConfig, frames: list[Frame], estimates
         score.take_frame(frame)
     for record in estimates:
         score.take_estimate(record)
+    if not any(errors.t_ns for errors in score.position.values()):
+        cure = "give the track of the same trip, with t_s from its first frame or t_ns on the boat clock"
+        raise WayfixError("does not overlap with the log in time", str(reference), cure)
     return score
 
 

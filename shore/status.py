@@ -45,7 +45,7 @@ class StatusLine:
         if estimate is None:
             return f"{self._filter} waits"
         sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
-        heading = f"{estimate.heading_true_deg:05.1f}°T ±{estimate.sigma_heading_deg:.1f}°"
+        heading = f"{_tenths(estimate.heading_true_deg)}°T ±{estimate.sigma_heading_deg:.1f}°"
         place = position_text(estimate.lat_deg, estimate.lon_deg)
         age_s = (self.t_ns - estimate.t_ns) / NS_PER_S
         stale = f" STALE ({age_s:.0f} s)" if age_s > STALE_ESTIMATE_S else ""
@@ -55,7 +55,7 @@ class StatusLine:
         fix = self._fix
         if fix is None:
             return "no fix yet"
-        quality = "not usable"
+        quality = "position repeated, not used" if fix.held else "not usable"
         if fix.usable:
             quality = "fix" if fix.fix_quality is None else _QUALITY.get(fix.fix_quality, "fix")
         return f"{fix.sensor} {quality} {self._age_text(fix.sensor, fix.t_ns)}"
@@ -67,7 +67,7 @@ class StatusLine:
         value, letter = heading.heading_true_deg, "T"
         if value is None:
             value, letter = heading.heading_mag_deg, "M"
-        text = "no value" if value is None else f"{value:05.1f}°{letter}"
+        text = "no value" if value is None else f"{_tenths(value)}°{letter}"
         return f"{heading.sensor} {text} {self._age_text(heading.sensor, heading.t_ns)}"
 
     def _age_text(self, sensor: str, t_ns: int) -> str:
@@ -80,6 +80,11 @@ class StatusLine:
 def position_text(lat_deg: float, lon_deg: float) -> str:
     """50°45.612'N 001°17.402'W: degrees and minutes, as on a chart."""
     return f"{_angle_text(abs(lat_deg), 2)}{'NS'[lat_deg < 0]} {_angle_text(abs(lon_deg), 3)}{'EW'[lon_deg < 0]}"
+
+
+def _tenths(heading_deg: float) -> str:
+    """Three digits and a tenth; 359.96 is 000.0 and never 360.0."""
+    return f"{round(heading_deg, 1) % 360.0:05.1f}"
 
 
 def _angle_text(angle_deg: float, digits: int) -> str:

@@ -6,6 +6,7 @@ import math
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,12 +111,23 @@ def _directory(wanted: Path | None) -> Path:
     return wanted.resolve()
 
 
+def _refuse_foreign(paths: Iterable[Path]) -> None:
+    """Nothing of somebody else's is overwritten; what an earlier virtual boat left is."""
+    from onboard.virtual.files import WRITTEN_BY
+
+    for path in paths:
+        is_ours = path.is_symlink() or (path.is_file() and path.read_bytes().startswith(WRITTEN_BY.encode()))
+        if path.exists() and not is_ours:
+            raise WayfixError("exists already and is not a virtual boat's", str(path), "give another --dir")
+
+
 def _play(args: argparse.Namespace, voyage: "Voyage", boat: VirtualBoat, directory: Path, console: Console) -> None:
     """Ready, start, send, done, and stay until told to go."""
     from onboard.virtual.files import SentFile, TruthFile, boat_config, config_text
 
     ports = {plan.name: str(directory / plan.name) for plan in PORTS}
     config_file, truth_file, sent_file = (directory / name for name in ("boat.toml", "truth.csv", "sent.jsonl"))
+    _refuse_foreign((config_file, *map(Path, ports.values())))
     config_file.write_text(config_text(voyage, boat_config(voyage, ports, args.bind)), encoding="utf-8")
     truth = TruthFile(voyage)
     sent = SentFile(sent_file, (plan.sensor for plan in PORTS))

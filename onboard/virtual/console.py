@@ -10,7 +10,7 @@ from typing import Self
 
 
 class Console:
-    """A context that turns SIGTERM and SIGINT into `stopping` and stdin (if watched) into lines."""
+    """A context that turns SIGTERM, SIGINT and SIGHUP into `stopping` and stdin (if watched) into lines."""
 
     def __init__(self, watch_stdin: bool) -> None:
         self.stopping = False
@@ -24,7 +24,9 @@ class Console:
             end.setblocking(False)
         # The interpreter writes a byte there when a signal comes, which ends the waiting at once.
         self._old_fd = signal.set_wakeup_fd(self._signalled.fileno())
-        self._old = {number: signal.signal(number, self._stop) for number in (signal.SIGTERM, signal.SIGINT)}
+        self._old = {
+            number: signal.signal(number, self._stop) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+        }
         return self
 
     def __exit__(

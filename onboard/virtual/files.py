@@ -1,7 +1,9 @@
 """What the virtual boat leaves beside its ports: the daemon's configuration, the truth, and what was sent."""
 
 import json
+import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ TRUTH_RATE_HZ = 10.0
 LONGEST_GAP_S = 1.0
 """Over a longer hole of a recording's reference no truth is made up."""
 
+WRITTEN_BY = "# Written by `wayfix-onboard virtual`"
 _CONFIG_HEAD = """\
 # Written by `wayfix-onboard virtual` for the voyage {name!r}; matches what its pseudo-terminals send.
 # sigma_m is one number for both axes; a scenario's own noise may differ by axis and change under way.
@@ -74,7 +77,7 @@ def config_text(voyage: Voyage, config: BoatConfig) -> str:
         head = f"[[{name}]]" if isinstance(content, list) else f"[{name}]"
         for table in tables:
             # JSON's texts, numbers, booleans and lists are TOML's too.
-            rows = "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
+            rows = "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in table.items())
             parts.append(f"{head}\n{rows}")
     return "\n".join(parts)
 
@@ -119,7 +122,14 @@ class SentFile:
     def note(self, record: dict[str, Any]) -> None:
         """Write one record."""
         self.counts[record["sensor"]] += 1
-        self._stream.write(json.dumps(record, separators=(",", ":")) + "\n")
+        if self._stream.closed:
+            return
+        try:
+            self._stream.write(json.dumps(record, separators=(",", ":")) + "\n")
+        except OSError as error:  # a full disk ends the record, not the voyage
+            sys.stderr.write(f"{self._stream.name} cannot be written any further ({error.strerror})\n")
+            with suppress(OSError):
+                self._stream.close()
 
     def close(self) -> None:
         """Close the file."""

@@ -86,6 +86,26 @@ def test_broken_files_name_key_and_cure(tmp_path: Path, text: str, part: str) ->
     assert part in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "is_right"),
+    [("[]", "[]", False), ('["GP"]', "[]", False), ('["GP"]', '["GP", "GN"]', False), ('["GP"]', '["GN"]', True)],
+)
+def test_two_sensors_of_a_role_on_one_port_need_different_talkers(
+    tmp_path: Path, first: str, second: str, is_right: bool
+) -> None:
+    sensors = "".join(
+        f'[[sensor]]\nid = "gps{number}"\nport = "a"\nrole = "gps"\ntalkers = {talkers}\n'
+        for number, talkers in ((1, first), (2, second))
+    )
+    file = tmp_path / "boat.toml"
+    file.write_text(f'[boat]\nid = "x"\n[[port]]\nname = "a"\npath = "/dev/a"\n{sensors}', encoding="utf-8")
+    if is_right:
+        load(file)
+        return
+    with pytest.raises(SettingsError, match="give both different talkers"):
+        load(file)
+
+
 def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="cannot be read"):
         load(tmp_path / "none.toml")

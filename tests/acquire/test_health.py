@@ -59,11 +59,24 @@ def test_an_event_sensor_is_never_silent() -> None:
 def test_bad_lines_are_counted_by_reason_and_named_while_nothing_is_readable() -> None:
     watched = monitor()
     watched.port_changed(None, 0)
+    watched.heard_bytes += 90
     for reason in ("checksum", "checksum", "range"):
         watched.reject(reason)
     health = report(watched, 1)
     assert health.rejected == {"checksum": 2, "range": 1}
-    assert health.reason == "nothing readable yet, 3 bad lines"
+    assert health.reason is not None
+    assert health.reason.startswith("90 bytes came, no line of this sensor, 3 bad ones")
+
+
+def test_a_sensor_that_never_delivers_is_told_once_with_what_is_known_of_it() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    events = [watched.report(k * NS_PER_S // 10)[1] for k in range(200)]
+    told = [item for item in events if item is not None]
+    assert [item.code for item in told] == ["sensor-silent"]
+    assert "nothing received yet" in told[0].text
+    watched.port_changed(None, 20 * NS_PER_S)  # opened anew because of the silence: the same silence
+    assert not any(watched.report((200 + k) * NS_PER_S // 10)[1] for k in range(1, 200))
 
 
 def test_the_rate_is_right_from_the_first_second() -> None:

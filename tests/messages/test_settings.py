@@ -133,3 +133,15 @@ def test_an_unreadable_file_is_told_with_its_name(tmp_path: Path, text: str | by
     with pytest.raises(SettingsError, match=words) as caught:
         read_toml(path, BoatConfig)
     assert str(path) in str(caught.value)
+
+
+def test_keys_of_a_newer_board_are_passed_over_when_not_strict() -> None:
+    wire = {
+        "boat": {"id": "b", "hull": 2},
+        "sensor": [{"id": "gps1", "port": "p", "role": "gps", "lever": 1}],
+        "new": 1,
+    }
+    config = convert(wire, BoatConfig, strict=False)
+    assert (config.boat.id, config.sensor[0].id) == ("b", "gps1")
+    with pytest.raises(SettingsError):
+        convert(wire, BoatConfig)

@@ -132,9 +132,23 @@ def test_a_socket_in_use_is_one_sentence(tmp_path: Path) -> None:
     assert "cannot listen there" in refused("wayfix-onboard", "run", write_config(tmp_path, bind="nonsense"))
 
 
-def test_a_state_directory_that_cannot_be_written(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_damaged", [True, False])
+def test_a_start_counter_that_cannot_be_kept_is_a_warning_and_the_boat_sails(tmp_path: Path, is_damaged: bool) -> None:
     file = write_config(tmp_path)
-    assert "give a writable --state directory" in refused("wayfix-onboard", "run", file, "--state", file / "state")
+    state = tmp_path / "state"
+    if is_damaged:
+        state.mkdir()
+        (state / "start_no").write_text("", encoding="ascii")
+    else:
+        state.write_text("", encoding="ascii")  # no directory, and none can be made there
+    daemon = Process("wayfix-onboard", "run", file, "--state", state)
+    try:
+        daemon.ready()
+        daemon.wait_for_words("the start counter cannot be kept")
+    finally:
+        daemon.end()
+    if is_damaged:
+        assert (state / "start_no").read_text(encoding="ascii") == "1\n"
 
 
 def test_a_log_directory_that_cannot_be_written(tmp_path: Path) -> None:

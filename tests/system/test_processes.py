@@ -158,6 +158,47 @@ def test_a_restarted_daemon_is_found_again_and_the_filter_carries_on(tmp_path: P
             station.end()
 
 
+def test_a_board_that_comes_back_with_another_configuration_is_told_and_logged(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
+        try:
+            station.wait_for_words("filters start")
+            running.daemon.send(signal.SIGKILL)
+            config, clock = Path(running.files["config"]), running.daemon.popen.args[3:]  # type: ignore[index]
+            other = tmp_path / "other.toml"
+            other.write_text(config.read_text().replace('"compass1"', '"compass2"'), encoding="utf-8")
+            second = Process("wayfix-onboard", "run", other, "--bind", running.address, *clock)
+            try:
+                second.ready()
+                station.wait_for_words("came back with another configuration")
+                station.wait_for(lambda me: sum("filters start at" in line for line in me.err) == 2)
+                station.wait_for_words("compass2 ")
+                station.send(signal.SIGTERM)
+                assert station.finish() == 0
+            finally:
+                second.end()
+        finally:
+            station.end()
+        log = newest_log(tmp_path / "log")
+        assert sum(record["kind"] == "start" for record in read_log(log).session()) == 2
+        counts = json.loads(command("wayfix", "replay", log, "--json").stdout.splitlines()[-1])["estimates"]
+        assert counts["equal"] == counts["recorded"] == counts["made"] > 0
+
+
+def test_a_closed_terminal_closes_the_log(tmp_path: Path) -> None:
+    with boat(tmp_path) as running:
+        line = f"exec '{BIN}/wayfix' connect {running.address} --log '{tmp_path}/log' 2>/dev/full"
+        station = subprocess.Popen(["sh", "-c", line])
+        wait_until(lambda: (tmp_path / "log").exists() and any((tmp_path / "log").glob("*.mcap")))
+        time.sleep(2.5)  # status lines that nobody can read
+        assert station.poll() is None
+        station.send_signal(signal.SIGHUP)
+        assert station.wait(STOP_S) == 0
+        reader = read_log(newest_log(tmp_path / "log"))
+        assert len(list(reader.frames())) > 10
+        assert reader.damage is None
+
+
 def test_killing_the_virtual_boat_is_three_lost_ports_and_the_daemon_lives(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
         running.daemon.wait_for_words("gps1 delivers")
