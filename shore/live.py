@@ -122,7 +122,7 @@ class LiveRun:
         self._stopped = stopped
         self._say = say
         self._adopt(link.connect(stopped=stopped))
-        self._next_seq: int | None = None
+        self._next_seq: int = self.connected["next_seq"]
         self._boot_id = self.connected["boot_id"]
         self._recorder = Recorder(options.log_dir, self.config.boat.id, say)
         self._lost_since_ns: int | None = None
@@ -143,7 +143,6 @@ class LiveRun:
 
     def run(self) -> Tally:
         """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
-        self._next_seq = self.connected["next_seq"]
         next_second_ns = boottime_ns() + NS_PER_S
         try:
             self._write_session()
@@ -199,7 +198,7 @@ class LiveRun:
         if frame.boot_id != self._boot_id:
             self._boot_id = frame.boot_id
             self._next_seq = 0  # what a new start of the board sent before we found it again
-        if self._next_seq is not None and first_seq > self._next_seq and self._options.frames is None:
+        if first_seq > self._next_seq and self._options.frames is None:
             count = first_seq - self._next_seq
             self.tally.missing += count
             yield event("frames-missing", frame.t1_ns, "link", count=count, seq=first_seq)
@@ -248,7 +247,7 @@ class LiveRun:
         self.tally.sent = int(end.get("sent") or 0)
         self.tally.end_reason = str(end.get("reason"))
         self._recorder.write(lambda writer: writer.write_link({"kind": "end", **end}, time.time_ns()))
-        if self._options.frames is None and self._next_seq is not None:
+        if self._options.frames is None:
             self.tally.missing += max(0, int(end.get("next_seq") or 0) - self._next_seq)
 
     def _write_estimate(self, estimate: Estimate, now_ns: int) -> None:
