@@ -100,11 +100,11 @@ class SensorMonitor:
         return self._health(state, reason, now_ns), happening
 
     def _silence_event(self, state: str, reason: str | None, now_ns: int) -> Event | None:
-        """Once for each silence, when it is longer than the limit; counted from the port's opening at the start."""
+        """Once for each silence that lasts longer than the limit, counted from the last good line or the port's opening."""
         if state != "silent":
             self._silence_told = False
             return None
-        since_ns = self._last_good_ns or self._opened_ns
+        since_ns = max(self._last_good_ns or 0, self._opened_ns)
         if self._silence_told or now_ns - since_ns <= self._stale_ns:
             return None
         self._silence_told = True

@@ -79,6 +79,19 @@ def test_a_sensor_that_never_delivers_is_told_once_with_what_is_known_of_it() ->
     assert not any(watched.report((200 + k) * NS_PER_S // 10)[1] for k in range(1, 200))
 
 
+def test_a_port_that_comes_back_has_its_time_before_silence_is_told() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    watched.accept(NS_PER_S, True)
+    watched.report(NS_PER_S)
+    watched.port_changed("the device is gone", 2 * NS_PER_S)
+    watched.report(2 * NS_PER_S)
+    watched.port_changed(None, 60 * NS_PER_S)
+    assert not any(watched.report((600 + k) * NS_PER_S // 10)[1] for k in range(30))
+    told = [watched.report((630 + k) * NS_PER_S // 10)[1] for k in range(30)]
+    assert [item.code for item in told if item is not None] == ["sensor-silent"]
+
+
 def test_the_rate_is_right_from_the_first_second() -> None:
     watched = monitor()
     watched.port_changed(None, 0)
