@@ -100,7 +100,7 @@ class SensorMonitor:
         return self._health(state, reason, now_ns), happening
 
     def _silence_event(self, state: str, reason: str | None, now_ns: int) -> Event | None:
-        """Once for each silence that lasts longer than the limit, counted from the last good line or the port's opening."""
+        """Once for each silence longer than the limit, counted from the last good line or the port's opening."""
         if state != "silent":
             self._silence_told = False
             return None
