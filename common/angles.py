@@ -1,8 +1,7 @@
-"""Angle arithmetic: the only place where angles are wrapped, subtracted or averaged.
+"""Angle arithmetic: the only place where angles are wrapped or subtracted.
 
 Headings run clockwise from true north: [0, 360) at interfaces, (-pi, pi] inside calculations.
-A bare `a - b` on two angles anywhere else is a bug. Scalar functions only; the array forms
-for filters are in `shore.navigation.models` (numpy has no place in `common`).
+A bare `a - b` on two angles anywhere else is a bug.
 """
 
 import math

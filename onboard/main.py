@@ -5,7 +5,6 @@ import asyncio
 import json
 import logging
 import os
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from common.clock import BoatClock
+from common.command import number, run_command
 from common.errors import WayfixError
 from common.sensors import BoatConfig
 
@@ -31,16 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code (0 done, 1 the answer is no, 2 wrong input or environment)."""
     arguments = _parser().parse_args(argv)
     _set_up_logging(arguments.verbose)
-    try:
-        return int(arguments.command(arguments))
-    except WayfixError as error:
-        print(f"wayfix-onboard: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 0
-    except ModuleNotFoundError as error:
-        print(f"wayfix-onboard: {error.name} is missing; pip install 'wayfix[onboard]'", file=sys.stderr)
-        return 2
+    return run_command("wayfix-onboard", "onboard", lambda: int(arguments.command(arguments)))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -53,7 +44,13 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("config", help="the board's configuration (deploy/examples/boat.toml explains every key)")
     run.add_argument("--bind", help="listen here instead of [link] bind, like tcp://127.0.0.1:5760")
     run.add_argument("--state", type=Path, help="directory of the start counter (default: $STATE_DIRECTORY)")
-    run.add_argument("--clock-rate", type=_positive, default=1.0, metavar="X", help="run X times as fast (ptys only)")
+    run.add_argument(
+        "--clock-rate",
+        type=number(float, 0.1, 1000.0),
+        default=1.0,
+        metavar="X",
+        help="run X times as fast (ptys only)",
+    )
     run.add_argument("--clock-start", type=int, metavar="NS", help="boot time at which the fast clock starts")
     run.add_argument("--until-stdin-closes", action="store_true", help="stop when the parent process is gone")
     run.set_defaults(command=_run)
@@ -159,10 +156,3 @@ def _set_up_logging(verbose: bool) -> None:
     in_journal = "JOURNAL_STREAM" in os.environ
     handler.setFormatter(_JournalFormatter("%(message)s") if in_journal else logging.Formatter(pattern))
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value <= 1000.0:
-        raise argparse.ArgumentTypeError(f"must be above 0 and at most 1000, got {text}")
-    return value

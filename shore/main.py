@@ -11,7 +11,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from common.command import number, run_command
 from common.errors import LinkError, WayfixError
+from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
 
 # Five-by-five matrices get slower, and timings jump, when a linear algebra library starts threads for them.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -25,19 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code (0 done, 1 the answer is no, 2 wrong input or environment)."""
     arguments = _parser().parse_args(argv)
     logging.basicConfig(level=logging.WARNING, format="wayfix: %(message)s")
-    try:
-        return int(arguments.command(arguments))
-    except WayfixError as error:
-        print(f"wayfix: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 0
-    except BrokenPipeError:  # `| head`: who reads has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 0
-    except ModuleNotFoundError as error:
-        print(f"wayfix: {error.name} is missing; pip install 'wayfix[shore]'", file=sys.stderr)
-        return 2
+    return run_command("wayfix", "shore", lambda: int(arguments.command(arguments)))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -50,10 +40,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     connect.add_argument("address", help="HOST or HOST:PORT of the boat, like 10.0.0.1:5760")
     connect.add_argument(
-        "--frames", type=_count, metavar="M", help="receive exactly M frames, then end (the thesis' mode)"
+        "--frames",
+        type=number(int, 1, MAX_RUN_FRAMES),
+        metavar="M",
+        help="receive exactly M frames, then end (the thesis' mode)",
     )
     connect.add_argument(
-        "--period", type=_seconds, metavar="SECONDS", help="length of a frame with --frames (default 1)"
+        "--period",
+        type=number(float, MIN_PERIOD_S, MAX_PERIOD_S),
+        metavar="SECONDS",
+        help="length of a frame with --frames (default 1)",
     )
     connect.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
     _add_filter_arguments(connect, DEFAULT_FILTERS)
@@ -73,9 +69,13 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--scenario", default="5.3", help="scenario of the thesis (default 5.3: noise grows at 300 s)")
     demo.add_argument("--recording", type=Path, metavar="CSV", help="play this recording instead of a scenario")
     demo.add_argument("--map", type=Path, metavar="TOML", help="columns of the recording (deploy/examples)")
-    demo.add_argument("--seed", type=_seed, default=1, help="seed of all noise (default 1)")
-    demo.add_argument("--seconds", type=_seconds, metavar="N", help="boat seconds to play (default: the whole mission)")
-    demo.add_argument("--speed", type=_speed, default=8.0, metavar="X", help="boat seconds per second (default 8)")
+    demo.add_argument("--seed", type=number(int, 0, 2**63), default=1, help="seed of all noise (default 1)")
+    demo.add_argument(
+        "--seconds", type=number(float, 1.0, 1e6), metavar="N", help="boat seconds to play (default: the whole mission)"
+    )
+    demo.add_argument(
+        "--speed", type=number(float, 0.1, 100.0), default=8.0, metavar="X", help="boat seconds per second (default 8)"
+    )
     demo.add_argument("--headless", action="store_true", help="no status line each second")
     demo.add_argument("--log", type=Path, metavar="DIR", help="where log and picture go (default: a new temporary one)")
     demo.add_argument(
@@ -187,7 +187,10 @@ def _add_filter_arguments(parser: argparse.ArgumentParser, default: str | None) 
     shown = default or "those of the live run"
     parser.add_argument("--filters", default=default, help=f"comma-separated, the first leads (default {shown})")
     parser.add_argument(
-        "--step", type=_seconds, metavar="SECONDS", help="synchronous steps (the thesis' Fig. 3.14), 0.05 to 60"
+        "--step",
+        type=number(float, 0.05, 60.0),
+        metavar="SECONDS",
+        help="synchronous steps (the thesis' Fig. 3.14), 0.05 to 60",
     )
 
 
@@ -222,31 +225,3 @@ def _progress(frames: Any) -> Any:
     from rich.progress import track
 
     return track(frames, description="replaying", console=Console(stderr=True), total=None)
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, got {text}")
-    return value
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value <= 1e6:
-        raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
-    return value
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be 0 or more, got {text}")
-    return value
-
-
-def _speed(text: str) -> float:
-    value = float(text)
-    if not 0.1 <= value <= 100.0:
-        raise argparse.ArgumentTypeError(f"must be from 0.1 to 100, got {text}")
-    return value

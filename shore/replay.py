@@ -37,7 +37,9 @@ def session_start(reader: LogReader, path: Path) -> dict[str, Any]:
     for record in reader.session():
         if record.get("kind") == "start":
             return record
-    raise WayfixError("has no session record, so its sensors are unknown", str(path), "give a log of `wayfix connect`")
+    damage = f": {reader.damage}" if reader.damage else ""
+    what = f"has no session record, so its sensors are unknown{damage}"
+    raise WayfixError(what, str(path), "give a log of `wayfix connect`")
 
 
 def config_of(record: dict[str, Any], path: Path) -> BoatConfig | None:

@@ -1,15 +1,12 @@
 """What every test shares: small hypothesis runs by default, so that the whole suite stays quick on two cores."""
 
 import os
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("quick", max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("quick")
-
-SHARED_DATA = Path(__file__).parents[1].parent / "shared" / "data"
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

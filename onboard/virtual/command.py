@@ -69,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
                 _play(args, voyage, boat, directory, console)
             finally:
                 boat.close()
+        except BrokenPipeError:
+            raise  # stdout, not the disk
         except OSError as error:
             cure = "give a --dir on a disk with room that may be written"
             raise WayfixError(f"cannot be used ({error.strerror})", str(directory), cure) from error

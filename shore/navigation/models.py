@@ -62,12 +62,6 @@ def wrapped(angle_rad: float) -> float:
     return wrap_rad(angle_rad) if math.isfinite(angle_rad) else math.nan
 
 
-def wrap_rad_array(angle_rad: Array) -> Array:
-    """The same directions in (-pi, pi]; any shape. The scalar form is `common.angles.wrap_rad`."""
-    wrapped = np.remainder(angle_rad, math.tau)
-    return np.where(wrapped > math.pi, wrapped - math.tau, wrapped)
-
-
 def body_to_plane(fwd: Number, stb: Number, heading_rad: Number) -> tuple[Number, Number]:
     """Body vector (forward, starboard) -> (east, north).
 
@@ -76,12 +70,6 @@ def body_to_plane(fwd: Number, stb: Number, heading_rad: Number) -> tuple[Number
     """
     sin, cos = np.sin(heading_rad), np.cos(heading_rad)
     return sin * fwd + cos * stb, cos * fwd - sin * stb
-
-
-def plane_to_body(east: Number, north: Number, heading_rad: Number) -> tuple[Number, Number]:
-    """(east, north) -> (forward, starboard); the inverse of `body_to_plane`."""
-    sin, cos = np.sin(heading_rad), np.cos(heading_rad)
-    return sin * east + cos * north, cos * east - sin * north
 
 
 def move(x: Array, dt_s: float, imu: ImuInput) -> Array:

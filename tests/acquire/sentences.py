@@ -2,15 +2,14 @@
 
 from functools import reduce
 from operator import xor
-from pathlib import Path
 
 import pytest
 
 from common.messages import ClockPair, Fix, Heading
 from common.sensors import SensorTable
 from onboard.devices import Accepted, Line, Measurement, Outcome
+from tests.recordings import SHARED_DATA as DATA
 
-DATA = Path(__file__).parents[2].parent / "shared/data"
 MS = 1_000_000
 S = 1000 * MS
 

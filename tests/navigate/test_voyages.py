@@ -2,7 +2,6 @@
 
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +9,8 @@ import pytest
 from common.simulation.recording import recording_voyage
 from common.simulation.scenarios import scenario_voyage
 from tests.offline import errors_of
-
-BLUEBOAT = Path(__file__).parents[3] / "shared" / "data" / "blueboat-usv" / "fixed_00000235.csv"
-BLUEBOAT_MAP = Path(__file__).parents[2] / "deploy" / "examples" / "blueboat-map.toml"
+from tests.recordings import BLUEBOAT_235 as BLUEBOAT
+from tests.recordings import BLUEBOAT_MAP
 
 pytestmark = pytest.mark.slow
 

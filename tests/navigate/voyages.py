@@ -13,7 +13,7 @@ from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from shore.navigation.adaptation import Channel
 from shore.navigation.bank import Moment
 from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
-from shore.navigation.models import Array, ImuInput, ProcessNoise, plane_to_body, wrap_rad_array
+from shore.navigation.models import Array, ImuInput, ProcessNoise, body_to_plane
 
 ACCEL_STD = 0.0039
 """What the filters assume, m/s^2 and deg/s at 1 Hz (Table 5.3)."""
@@ -58,7 +58,8 @@ def sail(seconds: int, dt_s: float = 1.0) -> Truth:
         )
         velocity = new if velocity is None else velocity
         accel = (new - velocity) / dt_s
-        fwd, stb = plane_to_body(accel[0], accel[1], heading + 0.5 * turn)
+        # The rotation is its own inverse (test_models.py).
+        fwd, stb = body_to_plane(accel[0], accel[1], heading + 0.5 * turn)
         east += dt_s * 0.5 * (new[0] + velocity[0])
         north += dt_s * 0.5 * (new[1] + velocity[1])
         heading += turn
@@ -109,7 +110,7 @@ def run_filter(name: str, truth: Truth, run: Run, seed: int) -> tuple[Array, Arr
 def errors(states: Array, truth: Truth) -> Array:
     """Estimate - truth, (k, 5), heading wrapped."""
     error = states - truth.states
-    error[:, 4] = wrap_rad_array(error[:, 4])
+    error[:, 4] = np.angle(np.exp(1j * error[:, 4]))
     return error
 
 

@@ -9,10 +9,8 @@ import pytest
 from common.errors import WayfixError
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.recording import recording_voyage
+from tests.recordings import BLUEBOAT, BLUEBOAT_MAP
 
-ROOT = Path(__file__).parents[2]
-BLUEBOAT = ROOT.parent / "shared" / "data" / "blueboat-usv"
-BLUEBOAT_MAP = ROOT / "deploy" / "examples" / "blueboat-map.toml"
 needs_blueboat = pytest.mark.skipif(not BLUEBOAT.is_dir(), reason="the BlueBoat recordings are not on this machine")
 
 MAP = """

@@ -15,6 +15,18 @@ from typing import Any
 BIN = Path(sys.executable).parent
 
 
+def compass_config(directory: Path, bind: str = "tcp://127.0.0.1:*", **paths: str) -> Path:
+    """A board with one compass on each port given as name=path; compass1 on the first."""
+    text = f'[boat]\nid = "b"\n[link]\nbind = "{bind}"\n'
+    for name, path in paths.items():
+        text += f'[[port]]\nname = "{name}"\npath = "{path}"\nbyte_budget_per_s = 2000\n'
+    for number, name in enumerate(paths, 1):
+        text += f'[[sensor]]\nid = "compass{number}"\nport = "{name}"\nrole = "compass"\n'
+    file = directory / "boat.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
 class Process:
     """A command of ours; stdout lines that are JSON objects and all stderr lines are kept."""
 
@@ -97,6 +109,27 @@ class Boat:
         self.daemon = daemon
         self.files = ready
         self.address = daemon.said("ready")["bind"]  # type: ignore[index]
+
+    @contextmanager
+    def restarted(self, config: str | Path) -> Iterator[Process]:
+        """The daemon once more on the same address, after it was killed."""
+        clock = self.daemon.popen.args[3:]  # type: ignore[index]
+        second = Process("wayfix-onboard", "run", config, "--bind", self.address, *clock)
+        try:
+            second.ready()
+            yield second
+        finally:
+            second.end()
+
+
+@contextmanager
+def station(address: str, *arguments: str | Path) -> Iterator[Process]:
+    """`wayfix connect`; ended in any case."""
+    process = Process("wayfix", "connect", address, *arguments)
+    try:
+        yield process
+    finally:
+        process.end()
 
 
 @contextmanager

@@ -3,27 +3,14 @@
 import os
 import pty
 import socket
+import subprocess
 import tty
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.system.harness import Process, command
-
-CONFIG = """
-[boat]
-id = "b"
-[link]
-bind = "{bind}"
-[[port]]
-name = "p"
-path = "{path}"
-[[sensor]]
-id = "compass1"
-port = "p"
-role = "compass"
-"""
+from tests.system.harness import BIN, Process, command, compass_config
 
 
 @pytest.fixture
@@ -36,9 +23,7 @@ def serial_port() -> Iterator[str]:
 
 
 def write_config(directory: Path, path: str = "/dev/none", bind: str = "tcp://127.0.0.1:*") -> Path:
-    file = directory / "boat.toml"
-    file.write_text(CONFIG.format(path=path, bind=bind), encoding="utf-8")
-    return file
+    return compass_config(directory, bind, p=path)
 
 
 def refused(*arguments: str | Path) -> str:
@@ -58,15 +43,15 @@ def refused(*arguments: str | Path) -> str:
         (["wayfix", "connect", "127.0.0.1:99999"], "give HOST or HOST:PORT"),
         (["wayfix", "connect", "127.0.0.1:1"], "no answer within 5 s; check the address, the Wi-Fi"),
         (["wayfix", "connect", "127.0.0.1", "--filters", "kalmann"], "unknown filter 'kalmann'; use one or more of"),
-        (["wayfix", "connect", "127.0.0.1", "--frames", "0"], "must be at least 1"),
-        (["wayfix", "connect", "127.0.0.1", "--frames", "ten"], "--frames"),
-        (["wayfix", "connect", "127.0.0.1", "--step", "-1"], "must be above 0"),
+        (["wayfix", "connect", "127.0.0.1", "--frames", "0"], "must be a whole number from 1 to 10000000, got '0'"),
+        (["wayfix", "connect", "127.0.0.1", "--frames", "ten"], "must be a whole number from 1 to 10000000, got 'ten'"),
+        (["wayfix", "connect", "127.0.0.1", "--step", "-1"], "must be a number from 0.05 to 60.0, got '-1'"),
         (["wayfix", "connect", "127.0.0.1", "--period", "2"], "--period needs --frames"),
         (["wayfix", "replay", "/dev/none.mcap"], "/dev/none.mcap: cannot be read"),
         (["wayfix", "demo", "--scenario", "9.9"], "9.9"),
         (["wayfix", "demo", "--recording", "a.csv"], "--recording and --map go together"),
         (["wayfix", "demo", "--recording", "/dev/none.csv", "--map", "/dev/none.toml"], "/dev/none"),
-        (["wayfix", "demo", "--speed", "0"], "must be from 0.1 to 100"),
+        (["wayfix", "demo", "--speed", "0"], "must be a number from 0.1 to 100.0, got '0'"),
         (["wayfix-onboard", "run", "/dev/none.toml"], "/dev/none.toml: cannot be read"),
         (["wayfix-onboard", "virtual", "--scenario", "x"], "x"),
         (["wayfix-onboard", "check", "/dev/none.toml"], "cannot be read"),
@@ -80,6 +65,8 @@ def test_a_replay_of_something_else_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.mcap"
     file.write_bytes(b"")
     assert "the file is empty" in refused("wayfix", "replay", file)
+    file.write_bytes(b"\x89MCAP0\r\n")
+    assert "the log was not closed" in refused("wayfix", "replay", file)
     file.write_text("$GPGGA,...\n", encoding="ascii")
     assert "not an MCAP log" in refused("wayfix", "replay", file)
 
@@ -175,6 +162,15 @@ def test_a_bounded_run_that_the_board_refuses(tmp_path: Path) -> None:
         assert "period_s must be a multiple of the board's frame period, 0.1 s" in sentence
     finally:
         daemon.end()
+
+
+def test_a_reader_that_has_had_enough_is_no_fault(tmp_path: Path) -> None:
+    play = f"'{BIN}/wayfix-onboard' virtual --seconds 5 --exit-at-end --dir '{tmp_path}/boat'"
+    done = subprocess.run(
+        ["bash", "-c", f"{play} | head -1; exit ${{PIPESTATUS[0]}}"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("program", ["wayfix", "wayfix-onboard"])

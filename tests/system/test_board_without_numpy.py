@@ -7,21 +7,7 @@ import sys
 import tty
 from pathlib import Path
 
-from tests.system.harness import command
-
-CONFIG = """
-[boat]
-id = "b"
-[link]
-bind = "tcp://127.0.0.1:*"
-[[port]]
-name = "p"
-path = "{path}"
-[[sensor]]
-id = "compass1"
-port = "p"
-role = "compass"
-"""
+from tests.system.harness import command, compass_config
 
 BLOCKED = ("numpy", "scipy", "pyais", "mcap", "rich", "matplotlib", "pygeomag")
 PROGRAM = f"""
@@ -36,8 +22,7 @@ sys.exit(main(sys.argv[1:]))
 def test_the_daemon_delivers_frames_with_numpy_blocked(tmp_path: Path) -> None:
     master, slave = pty.openpty()
     tty.setraw(slave)
-    config = tmp_path / "boat.toml"
-    config.write_text(CONFIG.format(path=os.ttyname(slave)), encoding="utf-8")
+    config = compass_config(tmp_path, p=os.ttyname(slave))
     line = [sys.executable, "-c", PROGRAM, "run", str(config)]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as daemon:
         try:

@@ -10,10 +10,10 @@ import pytest
 
 from common.codec import decode_frame
 from shore.logbook.read import read_log
+from tests.recordings import BLUEBOAT_235 as BLUEBOAT
+from tests.recordings import BLUEBOAT_MAP
 from tests.system.harness import command
 
-BLUEBOAT = Path(__file__).parents[3] / "shared" / "data" / "blueboat-usv" / "fixed_00000235.csv"
-BLUEBOAT_MAP = Path(__file__).parents[2] / "deploy" / "examples" / "blueboat-map.toml"
 SEEDS = (1, 2, 3)
 
 pytestmark = pytest.mark.slow

@@ -10,29 +10,7 @@ from pathlib import Path
 from common.codec import decode_frame
 from common.messages import Frame, Heading, SensorHealth
 from shore.logbook.read import read_log
-from tests.system.harness import Process
-
-CONFIG = """
-[boat]
-id = "b"
-[link]
-bind = "tcp://127.0.0.1:*"
-[[port]]
-name = "loud"
-path = "{loud}"
-byte_budget_per_s = 2000
-[[port]]
-name = "calm"
-path = "{calm}"
-[[sensor]]
-id = "compass1"
-port = "loud"
-role = "compass"
-[[sensor]]
-id = "compass2"
-port = "calm"
-role = "compass"
-"""
+from tests.system.harness import Process, compass_config
 
 
 def sentence(heading_deg: float) -> bytes:
@@ -56,8 +34,7 @@ def test_a_flooded_port_harms_no_other(tmp_path: Path) -> None:
     for slave in (loud_slave, calm_slave):
         tty.setraw(slave)
     os.set_blocking(loud, False)
-    config = tmp_path / "boat.toml"
-    config.write_text(CONFIG.format(loud=os.ttyname(loud_slave), calm=os.ttyname(calm_slave)), encoding="utf-8")
+    config = compass_config(tmp_path, loud=os.ttyname(loud_slave), calm=os.ttyname(calm_slave))
     daemon = Process("wayfix-onboard", "run", config)
     station = Process("wayfix", "connect", daemon.ready()["bind"], "--log", tmp_path / "log")
     try:

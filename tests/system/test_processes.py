@@ -12,7 +12,7 @@ import pytest
 
 from common.codec import decode_frame
 from shore.logbook.read import read_log
-from tests.system.harness import BIN, Process, boat, command
+from tests.system.harness import BIN, Process, boat, command, station
 
 STOP_S = 4.0
 """Twice what is asked (2 s): the machine of the tests is busy."""
@@ -34,11 +34,11 @@ def test_a_signal_ends_each_process_within_two_seconds_with_the_log_closed(
     tmp_path: Path, number: signal.Signals
 ) -> None:
     with boat(tmp_path) as running:
-        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
-        station.wait_for_words(" missing")
-        station.send(number)
-        assert ends_within(station, STOP_S) == 0
-        assert "Traceback" not in "\n".join(station.err)
+        ashore = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
+        ashore.wait_for_words(" missing")
+        ashore.send(number)
+        assert ends_within(ashore, STOP_S) == 0
+        assert "Traceback" not in "\n".join(ashore.err)
         reader = read_log(newest_log(tmp_path / "log"))
         assert len(list(reader.frames())) > 20
         assert reader.damage is None
@@ -69,18 +69,18 @@ def test_a_signal_ends_the_demo_and_its_children_within_two_seconds(tmp_path: Pa
 
 
 def test_a_signal_ends_a_station_that_nobody_has_answered_yet() -> None:
-    station = Process("wayfix", "connect", "127.0.0.1:1")
+    ashore = Process("wayfix", "connect", "127.0.0.1:1")
     time.sleep(1.0)  # it has no word to say before the answer
-    station.send(signal.SIGINT)
-    assert ends_within(station, STOP_S) == 0
-    assert station.err == []
+    ashore.send(signal.SIGINT)
+    assert ends_within(ashore, STOP_S) == 0
+    assert ashore.err == []
 
 
 def test_a_port_pulled_and_plugged_again_is_one_event_each_and_frames_go_on(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
-        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
+        ashore = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
         try:
-            station.wait_for_words(" missing")
+            ashore.wait_for_words(" missing")
             running.virtual.tell("unplug compass")
             running.daemon.wait_for_words("compass lost: the device is gone")
             time.sleep(1.0)
@@ -89,8 +89,8 @@ def test_a_port_pulled_and_plugged_again_is_one_event_each_and_frames_go_on(tmp_
             running.daemon.wait_for(lambda me: sum("compass open at" in line for line in me.err) == 2)
             assert time.monotonic() - plugged < 6.0
             time.sleep(0.5)
-            station.send(signal.SIGTERM)
-            station.finish()
+            ashore.send(signal.SIGTERM)
+            ashore.finish()
             codes = [(item["source"], item["code"]) for item in read_log(newest_log(tmp_path / "log")).events()]
             assert codes.count(("compass", "port-lost")) == 1
             assert codes.count(("compass", "port-opened")) == 1
@@ -98,7 +98,7 @@ def test_a_port_pulled_and_plugged_again_is_one_event_each_and_frames_go_on(tmp_
             assert any(frame.headings for frame in frames[-5:])
             assert [frame.seq for frame in frames] == list(range(frames[0].seq, frames[0].seq + len(frames)))
         finally:
-            station.end()
+            ashore.end()
 
 
 def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
@@ -123,62 +123,41 @@ def test_a_signal_while_the_demo_starts_is_no_fault(tmp_path: Path, delay_s: flo
 
 
 def test_killing_the_daemon_leaves_the_station_with_one_sentence(tmp_path: Path) -> None:
-    with boat(tmp_path) as running:
-        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
-        try:
-            station.wait_for_words("filters start")
-            running.daemon.send(signal.SIGKILL)
-            station.wait_for_words("no frame from the boat")
-            time.sleep(2.5)  # it goes on trying and does not say it again
-            assert sum("no frame from the boat" in line for line in station.err) == 1
-            station.send(signal.SIGTERM)
-            assert ends_within(station, STOP_S) == 0
-            assert read_log(newest_log(tmp_path / "log")).damage is None
-        finally:
-            station.end()
+    with boat(tmp_path) as running, station(running.address, "--log", tmp_path / "log") as ashore:
+        ashore.wait_for_words("filters start")
+        running.daemon.send(signal.SIGKILL)
+        ashore.wait_for_words("no frame from the boat")
+        time.sleep(2.5)  # it goes on trying and does not say it again
+        assert sum("no frame from the boat" in line for line in ashore.err) == 1
+        ashore.send(signal.SIGTERM)
+        assert ends_within(ashore, STOP_S) == 0
+        assert read_log(newest_log(tmp_path / "log")).damage is None
 
 
 def test_a_restarted_daemon_is_found_again_and_the_filter_carries_on(tmp_path: Path) -> None:
-    with boat(tmp_path) as running:
-        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
-        try:
-            station.wait_for_words("filters start")
-            running.daemon.send(signal.SIGKILL)
-            station.wait_for_words("no frame from the boat")
-            config, clock = running.files["config"], running.daemon.popen.args[3:]  # type: ignore[index]
-            second = Process("wayfix-onboard", "run", config, "--bind", running.address, *clock)
-            try:
-                second.ready()
-                station.wait_for_words("frames arrive again")
-                station.wait_for_words("fuzzy ")
-                assert sum("filters start" in line for line in station.err) == 1
-            finally:
-                second.end()
-        finally:
-            station.end()
+    with boat(tmp_path) as running, station(running.address, "--log", tmp_path / "log") as ashore:
+        ashore.wait_for_words("filters start")
+        running.daemon.send(signal.SIGKILL)
+        ashore.wait_for_words("no frame from the boat")
+        with running.restarted(running.files["config"]):
+            ashore.wait_for_words("frames arrive again")
+            ashore.wait_for_words("fuzzy ")
+            assert sum("filters start at" in line for line in ashore.err) == 1
 
 
 def test_a_board_that_comes_back_with_another_configuration_is_told_and_logged(tmp_path: Path) -> None:
-    with boat(tmp_path) as running:
-        station = Process("wayfix", "connect", running.address, "--log", tmp_path / "log")
-        try:
-            station.wait_for_words("filters start")
-            running.daemon.send(signal.SIGKILL)
-            config, clock = Path(running.files["config"]), running.daemon.popen.args[3:]  # type: ignore[index]
-            other = tmp_path / "other.toml"
-            other.write_text(config.read_text().replace('"compass1"', '"compass2"'), encoding="utf-8")
-            second = Process("wayfix-onboard", "run", other, "--bind", running.address, *clock)
-            try:
-                second.ready()
-                station.wait_for_words("came back with another configuration")
-                station.wait_for(lambda me: sum("filters start at" in line for line in me.err) == 2)
-                station.wait_for_words("compass2 ")
-                station.send(signal.SIGTERM)
-                assert station.finish() == 0
-            finally:
-                second.end()
-        finally:
-            station.end()
+    with boat(tmp_path) as running, station(running.address, "--log", tmp_path / "log") as ashore:
+        ashore.wait_for_words("filters start")
+        running.daemon.send(signal.SIGKILL)
+        other = tmp_path / "other.toml"
+        text = Path(running.files["config"]).read_text(encoding="utf-8")
+        other.write_text(text.replace('"compass1"', '"compass2"'), encoding="utf-8")
+        with running.restarted(other):
+            ashore.wait_for_words("came back with another configuration")
+            ashore.wait_for(lambda me: sum("filters start at" in line for line in me.err) == 2)
+            ashore.wait_for_words("compass2 ")
+            ashore.send(signal.SIGTERM)
+            assert ashore.finish() == 0
         log = newest_log(tmp_path / "log")
         assert sum(record["kind"] == "start" for record in read_log(log).session()) == 2
         counts = json.loads(command("wayfix", "replay", log, "--json").stdout.splitlines()[-1])["estimates"]
@@ -188,12 +167,12 @@ def test_a_board_that_comes_back_with_another_configuration_is_told_and_logged(t
 def test_a_closed_terminal_closes_the_log(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
         line = f"exec '{BIN}/wayfix' connect {running.address} --log '{tmp_path}/log' 2>/dev/full"
-        station = subprocess.Popen(["sh", "-c", line])
+        ashore = subprocess.Popen(["sh", "-c", line])
         wait_until(lambda: (tmp_path / "log").exists() and any((tmp_path / "log").glob("*.mcap")))
         time.sleep(2.5)  # status lines that nobody can read
-        assert station.poll() is None
-        station.send_signal(signal.SIGHUP)
-        assert station.wait(STOP_S) == 0
+        assert ashore.poll() is None
+        ashore.send_signal(signal.SIGHUP)
+        assert ashore.wait(STOP_S) == 0
         reader = read_log(newest_log(tmp_path / "log"))
         assert len(list(reader.frames())) > 10
         assert reader.damage is None
@@ -213,10 +192,10 @@ def test_killing_the_virtual_boat_is_three_lost_ports_and_the_daemon_lives(tmp_p
 
 def test_killing_the_station_is_one_line_on_board(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
-        station = Process("wayfix", "connect", running.address)
-        station.wait_for_words("fuzzy")
-        station.send(signal.SIGKILL)
-        station.finish()
+        ashore = Process("wayfix", "connect", running.address)
+        ashore.wait_for_words("fuzzy")
+        ashore.send(signal.SIGKILL)
+        ashore.finish()
         running.daemon.wait_for_words("client station left")
         assert sum("left" in line for line in running.daemon.err) == 1
 
@@ -273,12 +252,12 @@ def test_the_synchronous_step_gives_one_estimate_a_step(tmp_path: Path) -> None:
 
 def test_fewer_frames_than_asked_is_exit_code_one(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
-        station = Process("wayfix", "connect", running.address, "--frames", "500")
+        ashore = Process("wayfix", "connect", running.address, "--frames", "500")
         running.daemon.wait_for_words("joined")
         time.sleep(0.5)
         running.daemon.send(signal.SIGTERM)
-        assert station.finish() == 1
-        assert "of 500 frames were received" in station.err[-1]
+        assert ashore.finish() == 1
+        assert "of 500 frames were received" in ashore.err[-1]
 
 
 def children_of(pid: int) -> list[int]:

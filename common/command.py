@@ -1,0 +1,64 @@
+"""What the `main` of both programs share: one sentence for every fault, the exit codes, and number arguments.
+
+Exit 0 = done (also after Ctrl-C), 1 = ran and the answer is no, 2 = wrong input or environment.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from typing import TypeVar
+
+from common.errors import WayfixError
+
+N = TypeVar("N", int, float)
+
+
+def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
+    """Run a command and turn what it raises into a sentence on stderr and an exit code.
+
+    extra: the installation extra that brings the program's packages.
+    """
+    try:
+        code = command()
+        sys.stdout.flush()
+        return code
+    except WayfixError as error:
+        return _refuse(program, str(error))
+    except KeyboardInterrupt:
+        return 0
+    except BrokenPipeError:  # `| head`: who reads has had enough
+        _drop_stdout()
+        return 0
+    except ModuleNotFoundError as error:
+        return _refuse(program, f"{error.name} is missing; pip install 'wayfix[{extra}]'")
+    except OSError as error:
+        _drop_stdout()
+        where = f" {error.filename}" if error.filename else ""
+        return _refuse(program, f"the system refuses{where} ({error.strerror}); check space and rights")
+
+
+def number(kind: type[N], low: N, high: N) -> Callable[[str], N]:
+    """An argparse type: a number of this kind from `low` to `high`, with a sentence for anything else."""
+    word = "a whole number" if kind is int else "a number"
+
+    def parse(text: str) -> N:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = None
+        if value is None or not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"must be {word} from {low} to {high}, got {text!r}")
+        return value
+
+    return parse
+
+
+def _refuse(program: str, sentence: str) -> int:
+    sys.stderr.write(f"{program}: {sentence}\n")
+    return 2
+
+
+def _drop_stdout() -> None:
+    """What is still buffered goes nowhere, instead of failing once more at the interpreter's end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
