@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import statistics
 from pathlib import Path
 from typing import Any
 
@@ -51,17 +52,21 @@ def test_fuzzy_heading_is_at_most_half_of_the_fixed_ukf_in_the_last_quarter(runs
 
 
 def test_speed_one_and_eight_give_the_same_measurements_and_figures(tmp_path: Path) -> None:
-    slow, fast = (demo(tmp_path / speed, "--seconds", "90", "--speed", speed) for speed in ("1", "8"))
+    slow = demo(tmp_path / "slow", "--seconds", "90", "--speed", "1")
+    # Three: at eight times the speed a stall of the machine is eight times as long, and one burst is not the product.
+    fast = [demo(tmp_path / f"fast{number}", "--seconds", "90", "--speed", "8") for number in range(3)]
 
     def counts(run: dict[str, Any]) -> tuple[int, int, int]:
         frames = [decode_frame(data) for data in read_log(run["log"]).frames()]
         samples = sum(len(block.offset_us) for frame in frames for block in frame.imu)
         return sum(len(frame.fixes) for frame in frames), sum(len(frame.headings) for frame in frames), samples
 
-    assert counts(slow) == counts(fast)
+    assert [counts(run) for run in fast] == [counts(slow)] * 3
     for key in ("position_rms_m", "heading_rms_deg"):
         for name, value in slow[key].items():
-            assert fast[key][name] == pytest.approx(value, rel=0.05), (key, name)
+            found = statistics.median(run[key][name] for run in fast)
+            print(f"{key} {name}: speed 1 {value}, speed 8 {found}")
+            assert found == pytest.approx(value, rel=0.05), (key, name)
 
 
 def test_a_real_recording_through_the_whole_path(tmp_path: Path) -> None:
