@@ -5,10 +5,10 @@ from typing import Final
 
 from common.errors import WayfixError
 from common.sensors import SensorTable
-from onboard.devices.arduimu import ArduImuDriver
 from onboard.devices.base import Driver
-from onboard.devices.compass import CompassDriver
-from onboard.devices.gps import GpsDriver
+from onboard.devices.compass.driver import CompassDriver
+from onboard.devices.gps.driver import GpsDriver
+from onboard.devices.inertial.arduimu import ArduImuDriver
 
 MODELS: Final[dict[tuple[str, str], Callable[[SensorTable], Driver]]] = {
     ("gps", "nmea"): GpsDriver,

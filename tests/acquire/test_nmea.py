@@ -5,14 +5,19 @@ from datetime import date
 import pytest
 
 from onboard.devices import nmea
+from onboard.devices.compass import sentences as compass_sentences
 from onboard.devices.fields import Position
+from onboard.devices.gps import sentences as gps_sentences
+from onboard.devices.gps.sentences import Gga, Gsa, Rmc, Zda
 from onboard.devices.sentence import Sentence, address, check_sentence
 from tests.acquire.sentences import GGA, GSA, RMC, sealed
 
+FORMS: dict[str, nmea.Form[object]] = {**gps_sentences.FORMS, **compass_sentences.FORMS}
 
-def read(data: bytes) -> nmea.Reading | str:
+
+def read(data: bytes) -> object:
     checked = check_sentence(data)
-    return nmea.read(checked) if isinstance(checked, Sentence) else checked
+    return nmea.read(checked, FORMS) if isinstance(checked, Sentence) else checked
 
 
 @pytest.mark.parametrize(
@@ -133,7 +138,7 @@ def test_one_bad_field_refuses_the_sentence(formatter: str, old: str, new: str, 
 
 def test_gga() -> None:
     reading = read(GGA)
-    assert isinstance(reading, nmea.Gga)
+    assert isinstance(reading, Gga)
     assert isinstance(reading.position, Position)
     assert reading.position.lat_deg == pytest.approx(-(37 + 47.0873 / 60), abs=1e-12)
     assert reading.position.lon_deg == pytest.approx(175 + 18.8938 / 60, abs=1e-12)
@@ -144,11 +149,11 @@ def test_gga() -> None:
 
 def test_rmc_and_gsa() -> None:
     reading = read(RMC)
-    assert isinstance(reading, nmea.Rmc)
+    assert isinstance(reading, Rmc)
     assert (reading.sog_kn, reading.cog_true_deg, reading.date) == (0.69, 181.39, date(2014, 12, 31))
     assert (reading.status_valid, reading.mode) == (True, "A")
     gsa = read(GSA)
-    assert gsa == nmea.Gsa(fix_mode=3, pdop=1.8, hdop=1.1, vdop=1.5)
+    assert gsa == Gsa(fix_mode=3, pdop=1.8, hdop=1.1, vdop=1.5)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +176,7 @@ def test_empty_fields_are_none_not_zero(data: bytes) -> None:
 
 def test_a_cold_receiver_that_fills_the_place_in_is_void_not_refused() -> None:
     reading = read(b"$GPGGA,235946.005,8960.000000,N,00000.000000,E,0,0,,137.000,M,13.000,M,,*49")
-    assert isinstance(reading, nmea.Gga)
+    assert isinstance(reading, Gga)
     assert reading.position is None
 
 
@@ -181,12 +186,12 @@ def test_a_cold_receiver_that_fills_the_place_in_is_void_not_refused() -> None:
 )
 def test_time_of_day(text: str, tod_ms: int) -> None:
     reading = read(sealed(f"GPZDA,{text},31,12,2016,00,00"))
-    assert reading == nmea.Zda(tod_ms=tod_ms, date=date(2016, 12, 31))
+    assert reading == Zda(tod_ms=tod_ms, date=date(2016, 12, 31))
 
 
 def test_unknown_dilutions_are_none() -> None:
     reading = read(sealed("GPGSA,A,1,,,,,,,,,,,,,99.99,99.9,0.0"))
-    assert reading == nmea.Gsa(fix_mode=1, pdop=None, hdop=None, vdop=None)
+    assert reading == Gsa(fix_mode=1, pdop=None, hdop=None, vdop=None)
 
 
 def test_a_parser_that_breaks_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,16 +1,13 @@
 """Compasses that send HDG, HDM or HDT (HMR3000, KVH C100, HSC100, HSC100T and many others)."""
 
-from typing import Final
-
 from common.clock import whole_us
 from common.messages import Heading
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
 from onboard.devices import nmea
 from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
+from onboard.devices.compass.sentences import FORMS
 from onboard.devices.sentence import address, check_sentence
-
-FORMATTERS: Final = frozenset({"HDG", "HDM", "HDT"})
 
 
 class CompassDriver:
@@ -24,7 +21,7 @@ class CompassDriver:
     def claims(self, line: Line) -> bool:
         """HDG, HDM and HDT of the talkers configured (none configured = all)."""
         found = address(line.data)
-        return found is not None and found[1] in FORMATTERS and (not self._talkers or found[0] in self._talkers)
+        return found is not None and found[1] in FORMS and (not self._talkers or found[0] in self._talkers)
 
     def feed(self, line: Line) -> Outcome:
         """One Heading for each sentence, valid at the arrival of its first byte less the latency.
@@ -35,11 +32,9 @@ class CompassDriver:
         sentence = check_sentence(line.data)
         if isinstance(sentence, str):
             return Rejected(sentence, self.sensor)
-        reading = nmea.read(sentence)
+        reading = nmea.read(sentence, FORMS)
         if isinstance(reading, str):
             return Rejected(reading, self.sensor)
-        if not isinstance(reading, nmea.HeadingReading):
-            return Rejected("formatter", self.sensor)
         if reading.heading_mag_deg is None and reading.heading_true_deg is None:
             return Rejected("empty", self.sensor)
         heading = Heading(

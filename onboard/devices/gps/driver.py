@@ -13,11 +13,10 @@ from common.sensors import SensorTable
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices import nmea
 from onboard.devices.base import Accepted, Ignored, Line, Measurement, Outcome, Rejected
-from onboard.devices.gps_epoch import QUIET_NS, Epoch, RepeatWatch, fix_of
-from onboard.devices.nmea import Gga, Gll, Gsa, Rmc, Vtg, Zda
+from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, fix_of
+from onboard.devices.gps.sentences import FORMS, Gsa, Rmc, Timed, Untimed, Vtg, Zda
 from onboard.devices.sentence import address, check_sentence
 
-FORMATTERS: Final = frozenset({"GGA", "RMC", "VTG", "GSA", "GLL", "ZDA"})
 BURST_FORMATTERS: Final = frozenset({"GSV", "GNS", "GST", "GBS", "GRS", "DTM"})
 """Sentences of the same burst that are not decoded. They keep the epoch open: at 4800 baud a GSV group puts 0.45 s
 between the GGA and the RMC of one epoch."""
@@ -43,7 +42,7 @@ class GpsDriver:
         found = address(line.data)
         if found is None or (self._talkers and found[0] not in self._talkers):
             return False
-        return found[1] in FORMATTERS or found[1] in BURST_FORMATTERS
+        return found[1] in FORMS or found[1] in BURST_FORMATTERS
 
     def feed(self, line: Line) -> Outcome:
         """Take one sentence in; the Fix of an epoch comes with the first sentence of the next, or from `flush`.
@@ -68,11 +67,9 @@ class GpsDriver:
             return Rejected(sentence, self.sensor)
         if sentence.formatter in BURST_FORMATTERS:
             return Ignored(sentence.formatter)
-        reading = nmea.read(sentence)
+        reading = nmea.read(sentence, FORMS)
         if isinstance(reading, str):
             return Rejected(reading, self.sensor)
-        if isinstance(reading, nmea.HeadingReading):
-            return Rejected("formatter", self.sensor)
         raw = RawLine(sensor=self.sensor, t_ns=line.t_ns, text=sentence.text)
         if isinstance(reading, Vtg | Gsa):
             self._join_untimed(sentence.formatter, reading, line.t_ns)
@@ -80,14 +77,12 @@ class GpsDriver:
         epoch, due = self._join_timed(sentence.formatter, reading, line.t_ns)
         return Accepted(self.sensor, sentence.formatter, (*due, raw, *self._clock_pair(epoch, reading)))
 
-    def _join_untimed(self, formatter: str, reading: Vtg | Gsa, t_ns: int) -> None:
+    def _join_untimed(self, formatter: str, reading: Untimed, t_ns: int) -> None:
         """Into the open epoch, unless that has been quiet and only waits for its flush."""
         if self._open is not None and t_ns - self._open.last_ns < QUIET_NS:
             self._open.add(formatter, reading)
 
-    def _join_timed(
-        self, formatter: str, reading: Gga | Rmc | Gll | Zda, t_ns: int
-    ) -> tuple[Epoch, tuple[Measurement, ...]]:
+    def _join_timed(self, formatter: str, reading: Timed, t_ns: int) -> tuple[Epoch, tuple[Measurement, ...]]:
         """The epoch the sentence went into, and what its coming completed."""
         due: tuple[Measurement, ...] = ()
         # A closed epoch still takes a late sentence: its Fix is out, and a second one would be fused twice.
@@ -108,7 +103,7 @@ class GpsDriver:
         held = self._watch.held(epoch.position, epoch.tod_ms, epoch.speed_and_course[0])
         return (fix_of(epoch, self.sensor, self._valid_ns(epoch), held=held),)
 
-    def _clock_pair(self, epoch: Epoch, reading: Gga | Rmc | Gll | Zda) -> tuple[ClockPair, ...]:
+    def _clock_pair(self, epoch: Epoch, reading: Timed) -> tuple[ClockPair, ...]:
         """UTC beside the arrival of the epoch's first byte less the latency, from RMC status A or from ZDA.
 
         Not the arrival of RMC itself: what stands before it in the burst, GSV groups above all, changes from second to

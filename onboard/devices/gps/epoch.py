@@ -7,7 +7,7 @@ from typing import Final
 from common.messages import Fix
 from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
 from onboard.devices.fields import DAY_MS, Position
-from onboard.devices.nmea import Gga, Gll, Gsa, Rmc, Vtg, Zda
+from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Timed, Untimed, Vtg, Zda
 
 QUIET_NS: Final = 150 * NS_PER_MS
 """An epoch that nothing has followed for so long is complete."""
@@ -23,7 +23,7 @@ FINE_STEP_M: Final = 0.5
 _FIRST_DAY: Final = date(1970, 1, 1)
 _QUALITY_OF_MODE: Final = {"E": 6, "M": 7, "S": 8}
 
-EpochReading = Gga | Rmc | Gll | Vtg | Gsa | Zda
+EpochReading = Timed | Untimed
 
 
 @dataclass(slots=True)

@@ -1,0 +1,1 @@
+"""Inertial units and rate gyros."""

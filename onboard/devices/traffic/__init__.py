@@ -1,0 +1,1 @@
+"""What tells of other ships: AIS and radar."""
