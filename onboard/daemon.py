@@ -1,9 +1,4 @@
-"""The daemon: one asyncio loop owns ports, framer and socket.
-
-port chunk -> lines -> devices -> framer --tick--> server
-                          |
-                          `-> health (counts, silence)
-"""
+"""The daemon: one asyncio loop owns ports, acquisition (bytes to frames) and socket."""
 
 import asyncio
 import logging
@@ -11,25 +6,16 @@ import os
 import secrets
 import signal
 from collections.abc import Callable
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
 from common.clock import BoatClock, machine_clock_id
 from common.events import event, line_of
-from common.messages import ClockPair, Event, Frame, RawLine
-from common.sensors import BoatConfig, PortTable
-from common.settings import as_dict
+from common.messages import Event
+from common.sensors import BoatConfig
 from common.units import NS_PER_S, NS_PER_US
-from onboard.budget import ByteBudget
-from onboard.clockmap import ClockMap
-from onboard.config import byte_budget
-from onboard.devices import PortDecoder, make_driver
-from onboard.devices.base import Accepted, Measurement, Rejected
-from onboard.framer import Framer, Identity
-from onboard.health import SensorMonitor
-from onboard.lines import LineSplitter
+from onboard.acquisition import Acquisition, PortChain
+from onboard.framer import Identity
 from onboard.ports import Port
 from onboard.server import Server
 
@@ -38,18 +24,7 @@ log = logging.getLogger(__name__)
 DRAIN_S: Final = 0.5
 CATCH_UP_NS: Final = 60 * NS_PER_S
 """A board that slept longer than this (suspend) leaves a hole in the grid instead of a burst of empty frames."""
-COMPANIONS: Final = (RawLine, ClockPair)
-"""What comes along with a measurement and is none itself: not counted in a sensor's rate."""
 _LOG_LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
-
-
-def versions() -> dict[str, str]:
-    """Versions of what decides the result; goes into `connected` and the log."""
-    found = {}
-    for name in ("wayfix", "pyserial", "pynmea2", "pyzmq", "msgpack"):
-        with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
 
 
 def next_start_no(state_dir: Path | None) -> tuple[int, str | None]:
@@ -79,93 +54,6 @@ def next_start_no(state_dir: Path | None) -> tuple[int, str | None]:
     return number, fault
 
 
-class PortChain:
-    """One port and everything its bytes run through before they are a measurement."""
-
-    def __init__(self, daemon: "Daemon", table: PortTable) -> None:
-        sensors = [sensor for sensor in daemon.config.sensor if sensor.port == table.name]
-        self.table = table
-        self.monitors = [daemon.monitors[sensor.id] for sensor in sensors]
-        self.decoder = PortDecoder([make_driver(sensor) for sensor in sensors])
-        self._daemon = daemon
-        self._splitter = LineSplitter()
-        self._budget = ByteBudget(byte_budget(table, daemon.config))
-        self._flood_ns: int | None = None
-        self._state = "new"
-        self.port = Port(table, daemon.clock, self.chunk, self.changed)
-
-    def chunk(self, data: bytes, t_ns: int) -> None:
-        """Bytes as read, stamped once."""
-        for monitor in self.monitors:
-            monitor.heard_bytes += len(data)
-        allowed = self._budget.take(len(data), t_ns)
-        for line in self._splitter.feed(data[:allowed], t_ns):
-            self._count(self.decoder.feed(line), t_ns)
-        if allowed < len(data):
-            self._cut(len(data) - allowed, t_ns)
-
-    def flush(self, now_ns: int) -> None:
-        """What is due without another line, and the end of a flood."""
-        for measurement in self.decoder.flush(self._splitter.complete_until(now_ns)):
-            if not isinstance(measurement, COMPANIONS):
-                self._daemon.monitors[measurement.sensor].measured(now_ns)
-            self._daemon.take(measurement)
-        if self._flood_ns is not None and now_ns - self._flood_ns > NS_PER_S:
-            self._flood_ns = None
-            self._mark_flood(False, now_ns)
-
-    def changed(self, reason: str | None) -> None:
-        """The port opened (None) or was lost. One event for each loss and each return, whatever is tried in between."""
-        now_ns = self._daemon.clock.now_ns()
-        name = self.table.name
-        if reason is None:
-            self._splitter.reset()
-            self._daemon.happened(event("port-opened", now_ns, name, port=name, path=self.table.path))
-        elif self._state == "open":
-            self._daemon.happened(event("port-lost", now_ns, name, port=name, reason=reason))
-        elif self._state == "new":
-            self._daemon.happened(event("port-missing", now_ns, name, port=name, reason=reason))
-        self._state = "open" if reason is None else "closed"
-        for monitor in self.monitors:
-            monitor.port_changed(reason, now_ns)
-
-    def reopen_if_silent(self, now_ns: int) -> None:
-        """A port whose periodic sensors all fell silent is opened anew: some adapters need it."""
-        periodic = [monitor for monitor in self.monitors if monitor.periodic]
-        if periodic and all(monitor.overdue(now_ns) for monitor in periodic):
-            self.port.reopen()
-            self._splitter.reset()
-            for monitor in self.monitors:
-                monitor.port_changed(None, now_ns)
-
-    def _count(self, outcome: object, t_ns: int) -> None:
-        if isinstance(outcome, Accepted):
-            measured = any(not isinstance(item, COMPANIONS) for item in outcome.measurements)
-            self._daemon.monitors[outcome.sensor].accept(t_ns, measured)
-            for measurement in outcome.measurements:
-                self._daemon.take(measurement)
-        elif isinstance(outcome, Rejected):
-            # A line that names no sensor counts for every sensor of the port: each of them may have sent it.
-            for monitor in self.monitors:
-                if outcome.sensor in (None, monitor.table.id):
-                    monitor.reject(outcome.reason)
-
-    def _cut(self, count: int, t_ns: int) -> None:
-        self._splitter.note_cut()
-        for monitor in self.monitors:
-            monitor.discarded_bytes += count
-        if self._flood_ns is None:
-            self._mark_flood(True, t_ns)
-        self._flood_ns = t_ns
-
-    def _mark_flood(self, flooded: bool, t_ns: int) -> None:
-        for monitor in self.monitors:
-            monitor.flooded = flooded
-        code = "port-flooded" if flooded else "port-calm"
-        budget = self._budget.bytes_per_s
-        self._daemon.happened(event(code, t_ns, self.table.name, port=self.table.name, budget=budget))
-
-
 class Daemon:
     """Owns everything that lives between start and SIGTERM."""
 
@@ -177,27 +65,15 @@ class Daemon:
         start_no, self._state_fault = next_start_no(state_dir)
         identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), start_no)
         self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
-        self.framer = Framer(
-            identity, [sensor.id for sensor in config.with_role("imu")], self._next_tick_ns - self.period_ns
-        )
-        self.monitors = {sensor.id: SensorMonitor(sensor, now_ns) for sensor in config.sensor}
-        self.clock_map = ClockMap()
-        self.chains = [PortChain(self, table) for table in config.port]
+        self.acquisition = Acquisition(config, identity, self._next_tick_ns - self.period_ns, now_ns, _log_event)
+        self.happened = self.acquisition.happened
+        self.ports = [self._port(chain) for chain in self.acquisition.chains]
         self.server = Server(self._connected, self.period_ns, self.happened, clock.now_ns)
         self._stop = asyncio.Event()
         self._stop_reason = ""
 
-    def take(self, measurement: Measurement) -> None:
-        """A measurement of any driver goes into the frame; clock pairs also move the UTC mapping."""
-        self.framer.add(measurement)
-        if isinstance(measurement, ClockPair) and (step_s := self.clock_map.add(measurement)) is not None:
-            now_ns = self.clock.now_ns()
-            self.happened(event("clock-stepped", now_ns, measurement.sensor, sensor=measurement.sensor, step_s=step_s))
-
-    def happened(self, happening: Event) -> None:
-        """Every event is a record in the frame and one line in the log."""
-        log.log(_LOG_LEVELS[happening.level], "%s", line_of(happening))
-        self.framer.add(happening)
+    def _port(self, chain: PortChain) -> Port:
+        return Port(chain.table, self.clock, chain.chunk, lambda reason: chain.changed(reason, self.clock.now_ns()))
 
     def stop(self, reason: str) -> None:
         """Ask the daemon to end."""
@@ -213,14 +89,14 @@ class Daemon:
         self.happened(event("daemon-started", self.clock.now_ns(), "daemon", sensors=len(self.config.sensor)))
         if self._state_fault is not None:
             self.happened(event("state-unusable", self.clock.now_ns(), "daemon", reason=self._state_fault))
-        workers = [asyncio.create_task(chain.port.run()) for chain in self.chains]
+        workers = [asyncio.create_task(port.run()) for port in self.ports]
         workers += [asyncio.create_task(self.server.run()), asyncio.create_task(self._tick_for_ever())]
         stopping = asyncio.create_task(self._stop.wait())
         try:
             tried = asyncio.create_task(self._all_tried())
             await asyncio.wait([tried, *workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             tried.cancel()
-            on_ready({"bind": endpoint, "boot_id": self.framer.identity.boot_id, "boat_id": self.config.boat.id})
+            on_ready({"bind": endpoint, "boot_id": self.acquisition.identity.boot_id, "boat_id": self.config.boat.id})
             done, _ = await asyncio.wait([*workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             for task in done - {stopping}:
                 task.result()  # a worker never ends by itself: let its error out
@@ -232,16 +108,16 @@ class Daemon:
             await self._finish()
 
     async def _all_tried(self) -> None:
-        for chain in self.chains:
-            await chain.port.tried.wait()
+        for port in self.ports:
+            await port.tried.wait()
 
     async def _finish(self) -> None:
         """The last, shorter frame and `end` to every client."""
         now_ns = self.clock.now_ns()
         self.happened(event("daemon-stopping", now_ns, "daemon", reason=self._stop_reason or "error"))
-        for chain in self.chains:
+        for chain in self.acquisition.chains:
             chain.flush(now_ns + NS_PER_S)
-        self.server.publish(self._frame(max(now_ns, self.framer.t0_ns) + NS_PER_US))
+        self.server.publish(self.acquisition.frame(max(now_ns, self.acquisition.framer.t0_ns) + NS_PER_US))
         self.server.end_all("the daemon stops")
         await self.server.drain(DRAIN_S)
         self.server.close()
@@ -257,36 +133,19 @@ class Daemon:
                 missed = (now_ns - self._next_tick_ns) // self.period_ns
                 self._next_tick_ns += missed * self.period_ns
                 self.happened(event("ticks-missed", now_ns, "daemon", count=missed))
-            for chain in self.chains:
+            for chain, port in zip(self.acquisition.chains, self.ports, strict=True):
                 chain.flush(now_ns)
-                chain.reopen_if_silent(now_ns)
-            frame = self._frame(self._next_tick_ns)
+                if chain.silent(now_ns):
+                    chain.reopening(now_ns)
+                    port.reopen()
+            frame = self.acquisition.frame(self._next_tick_ns)
             self._next_tick_ns += self.period_ns
             self.server.publish(frame)
 
-    def _frame(self, t1_ns: int) -> Frame:
-        health = []
-        for monitor in self.monitors.values():
-            report, happening = monitor.report(t1_ns)
-            if happening is not None:
-                self.happened(happening)
-            if report is not None:
-                health.append(report)
-        utc = self.clock_map.at(self.framer.t0_ns)
-        return self.framer.tick(t1_ns, utc, self.clock_map.epoch, health)
-
     def _connected(self) -> dict[str, Any]:
-        identity = self.framer.identity
-        now_ns = self.clock.now_ns()
-        states = ((monitor.table.id, *monitor.state(now_ns)) for monitor in self.monitors.values())
-        return {
-            "boat_id": identity.boat_id,
-            "boot_id": identity.boot_id,
-            "clock_id": identity.clock_id,
-            "start_no": identity.start_no,
-            "next_seq": self.framer.next_seq,
-            "clock_rate": self.clock.rate,
-            "config": as_dict(self.config),
-            "versions": versions(),
-            "sensors": [{"id": sensor, "state": state, "reason": reason} for sensor, state, reason in states],
-        }
+        return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)
+
+
+def _log_event(happening: Event) -> None:
+    """Every event is one line in the log."""
+    log.log(_LOG_LEVELS[happening.level], "%s", line_of(happening))

@@ -7,7 +7,6 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,8 +14,8 @@ import pytest
 from common.clock import BoatClock
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
-from onboard.daemon import PortChain
-from onboard.health import SensorMonitor
+from onboard.acquisition import Acquisition
+from onboard.framer import Identity
 from onboard.ports import Port, reason_of
 
 Pty = tuple[int, int, str]
@@ -111,20 +110,16 @@ def test_a_half_line_from_before_a_silent_reopen_is_never_joined_to_a_new_one() 
     sensor = SensorTable(id="imu1", port="p", role="imu", model="arduimu")
     table = PortTable(name="p", path="/dev/none")
     config = BoatConfig(boat=BoatTable(id="b"), port=(table,), sensor=(sensor,))
-    taken: list[Any] = []
-    monitor = SensorMonitor(sensor, 0)
-    daemon: Any = SimpleNamespace(
-        config=config, clock=BoatClock(), monitors={"imu1": monitor}, take=taken.append, happened=taken.append
-    )
-    chain = PortChain(daemon, table)
-    monitor.port_changed(None, 0)
+    acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda _event: None)
+    (chain,) = acquisition.chains
+    chain.changed(None, 0)
     line = b"!!!VER:1.9,AN0:1,AN1:1,AN2:16,AN3:1,AN4:1,AN5:-4096,IMUH:253***\r\n"
     chain.chunk(line, NS_PER_S)
-    assert taken
-    taken.clear()
+    assert chain.tally.lines == 1
     chain.chunk(line[:26], 2 * NS_PER_S)  # ... AN2:1
-    chain.reopen_if_silent(9 * NS_PER_S)
+    assert chain.silent(9 * NS_PER_S)
+    chain.reopening(9 * NS_PER_S)
     chain.chunk(line[31:], 10 * NS_PER_S)
-    assert not taken
+    assert chain.tally.lines == 1
     chain.chunk(line, 11 * NS_PER_S)
-    assert taken
+    assert chain.tally.accepted == {("imu1", "ArduIMU"): 2}
