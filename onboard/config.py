@@ -14,7 +14,7 @@ from onboard.devices import make_driver
 _SENSOR_ID = re.compile(rf"({'|'.join(ROLES)})([1-9]\d?)")
 
 # Bytes one measurement costs on the wire, generous: a GPS epoch with its satellite tables, an ArduIMU line, ...
-_TALKER = re.compile("[A-Z][A-Z0-9]")
+_TALKER = re.compile("[A-Z0-9]{2}")
 _NOMINAL_BYTES = {"gps": 500, "imu": 160, "gyro": 40, "compass": 80, "ais": 4000, "radar": 2000}
 WHOLE_RATES_HZ: Final = (1, 2, 4, 5, 8, 10, 16, 20)
 """Rates whose period is a whole number of microseconds and divides the second."""
@@ -81,7 +81,7 @@ def _sensor_faults(sensor: SensorTable, ports: list[str]) -> list[str]:
     elif match[1] != sensor.role:
         faults.append(f"{where}.role: {sensor.role} does not fit the id, which says {match[1]}")
     faults += [
-        f"{where}.talkers: must be two capital letters like GP, got {talker!r}"
+        f"{where}.talkers: must be two capital letters or digits like GP, got {talker!r}"
         for talker in sensor.talkers
         if not _TALKER.fullmatch(talker)
     ]

@@ -148,24 +148,31 @@ def time_of_day_ms(text: str) -> int | None:
 
 
 def short_date(text: str) -> date | None:
-    """`ddmmyy`, year 2000-2099."""
-    if not text:
+    """`ddmmyy`; see `_year`. All zeros is what receivers write that know no date."""
+    if not text or text == "000000":
         return None
     match = _DATE.fullmatch(text)
     if match is None:
         raise FieldFault("date")
-    return _date(2000 + int(match[3]), int(match[2]), int(match[1]))
+    return _date(_year(match[3]), int(match[2]), int(match[1]))
 
 
 def long_date(day: str, month: str, year: str) -> date | None:
-    """Day, month and four-digit year (1980-2099), all of them or none."""
-    if not (day or month or year):
+    """Day, month and year (1980-2099), all of them or none (also as 00,00); a year of two digits: `_year`."""
+    if not (day or month or year) or (day, month) == ("00", "00"):
         return None
-    if not all(_DIGITS.fullmatch(text) and len(text) <= 4 for text in (day, month, year)) or len(year) != 4:
+    if not all(_DIGITS.fullmatch(text) for text in (day, month, year)) or len(day) > 2 or len(month) > 2:
         raise FieldFault("date")
-    if not 1980 <= int(year) <= 2099:
+    if len(year) == 2:
+        return _date(_year(year), int(month), int(day))
+    if len(year) != 4 or not 1980 <= int(year) <= 2099:
         raise FieldFault("date")
     return _date(int(year), int(month), int(day))
+
+
+def _year(two_digits: str) -> int:
+    """1980-2079: before 1980 there was no GPS, and `80` is what a receiver that knows no date writes."""
+    return (1900 if two_digits >= "80" else 2000) + int(two_digits)
 
 
 def _date(year: int, month: int, day: int) -> date:

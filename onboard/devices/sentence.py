@@ -1,7 +1,12 @@
-"""The outside of an NMEA sentence: address and checksum, before any field is looked at.
+r"""The outside of an NMEA sentence: address and checksum, before any field is looked at.
 
 `$ttfff,field,...*hh`: talker (two characters), formatter (three), checksum = XOR of all bytes between `$` and `*`.
 AIS sentences begin with `!`. The checksum is required: a sentence without one cannot be told from a damaged one.
+
+Two things may stand before the `$`: a tag block of IEC 61162-450 (`\s:GP0001,c:1326055296*3C\$GPGGA...`), and bytes
+that are no text. The second is what a receiver that mixes a binary protocol with NMEA sends (the packet has no line end
+of its own), and what the first line after a wrong baud rate looks like. The sentence behind either is whole and has its
+own checksum. Text before the `$` is the rest of another sentence, and the line is refused.
 """
 
 import re
@@ -12,8 +17,13 @@ from typing import Final
 
 LONGEST_SENTENCE: Final = 512
 
-# A talker never begins with P: that letter marks proprietary sentences (`$PSRFTXT`), which have no talker.
-_ADDRESS = re.compile(rb"[$!]([A-OQ-Z][A-Z0-9])([A-Z]{3})(?:[,*]|$)")
+# A talker never begins with P: that letter marks proprietary sentences (`$PSRFTXT`), which have no talker. Gateways
+# from NMEA 2000 write two digits, the address of a device on the bus, instead of letters (`$04HDM`).
+_ADDRESS = re.compile(rb"[$!]([A-OQ-Z0-9][A-Z0-9])([A-Z]{3})(?:[,*]|$)")
+_TAG_BLOCK = re.compile(rb"\\[ -\[\]-~]*\\")
+# The last byte of a binary packet may be a `$` too.
+_START = re.compile(rb"[$!](?![$!])")
+_TEXT: Final = bytes((*b"\t", *range(0x20, 0x7F)))
 _PRINTABLE = re.compile(rb"[ -~]*")
 _CHECKSUM = re.compile(rb"\*[0-9A-Fa-f]{2}")
 
@@ -32,8 +42,20 @@ class Sentence:
 
 def address(data: bytes) -> tuple[str, str] | None:
     """Talker and formatter a line claims to have, checksum not looked at; `None` = no talker sentence."""
-    match = _ADDRESS.match(data)
+    match = _ADDRESS.match(sentence_of(data))
     return None if match is None else (match[1].decode("ascii"), match[2].decode("ascii"))
+
+
+def sentence_of(data: bytes) -> bytes:
+    """The line without a tag block, or without bytes that are no text, before its `$` or `!` (see the module)."""
+    if data[:1] in (b"$", b"!"):
+        return data
+    block = _TAG_BLOCK.match(data)
+    if block is not None:
+        return data[block.end() :]
+    no_text = len(data.rstrip(_TEXT))
+    start = _START.search(data, no_text) if no_text else None
+    return data if start is None else data[start.start() :]
 
 
 def check_sentence(data: bytes) -> Sentence | str:
@@ -44,6 +66,7 @@ def check_sentence(data: bytes) -> Sentence | str:
     """
     if len(data) > LONGEST_SENTENCE:
         return "too-long"
+    data = sentence_of(data)
     if not _PRINTABLE.fullmatch(data):
         return "not-ascii"
     if data[:1] not in (b"$", b"!"):

@@ -3,9 +3,12 @@
 from datetime import UTC, datetime
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from common.messages import ClockPair, Fix, RawLine
 from onboard.devices import Accepted, Ignored, Line, Measurement, Rejected, make_driver
+from onboard.devices.fields import DAY_MS
 from onboard.lines import LineSplitter
 from tests.acquire.sentences import GGA, GSA, MS, RMC, S, fixes, gps, line, measured, pairs, sealed
 
@@ -238,3 +241,113 @@ def test_talkers_and_other_sentences() -> None:
     gsv = b"$GPGSV,3,3,12,11,12,132,04,08,38,008,,02,35,348,,03,14,091,*73"
     assert driver.feed(line(gsv)) == Ignored("GSV")
     assert driver.feed(line(GGA[:-1] + b"0")) == Rejected("checksum", "gps1")
+
+
+def gns(time: str, place: str = "5020.1000,N,00408.2000,W", modes: str = "AANN", talker: str = "GN") -> bytes:
+    return sealed(f"{talker}GNS,{time},{place},{modes},12,0.9,6.0,50.0,,")
+
+
+def test_gns_stands_between_gga_and_rmc() -> None:
+    place = "5010.0000,N,00410.0000,W"
+    (fix,) = fixes(tuple(run([(0, rmc("120000")), (0.01, gns("120000", place, "RRNN"))])))
+    assert fix.lat_deg == pytest.approx(50 + 10 / 60)
+    assert (fix.fix_quality, fix.satellites) == (4, 12)
+    assert (fix.hdop, fix.alt_m, fix.status_valid) == (0.9, 6.0, True)
+    (fix,) = fixes(tuple(run([(0, gns("120000", place)), (0.01, gga("120000"))])))
+    assert fix.lat_deg == pytest.approx(50 + 20.1 / 60)
+    assert fix.satellites == 8
+    (fix,) = fixes(tuple(run([(0, gga("120000", ",,,", "0")), (0.01, gns("120000"))])))
+    assert (fix.fix_quality, fix.usable) == (1, True)
+
+
+def test_void_gns_has_no_position() -> None:
+    (fix,) = fixes(tuple(run([(0, gns("120000", modes="NNNN")), (0.01, rmc("120000", status="V", mode="N"))])))
+    assert (fix.lat_deg, fix.fix_quality, fix.usable) == (None, 0, False)
+
+
+def test_gns_of_each_constellation_behind_the_one_of_all_is_the_same_fix() -> None:
+    """NMEA 4: GNGNS with the position, then GPGNS and GLGNS with hardly any field."""
+    group = [gns("120000"), gns("120000", ",,,", "", "GP"), gns("120000", ",,,", "", "GL")]
+    for order in (group, group[::-1]):
+        (fix,) = fixes(tuple(run([(i / 100, data) for i, data in enumerate(order)])))
+        assert fix.lat_deg == pytest.approx(50 + 20.1 / 60)
+        assert fix.fix_quality == 1
+
+
+def test_gga_of_two_talkers_is_one_fix_cold_or_not() -> None:
+    """SiRFstarV writes GPGGA and GLGGA in one epoch, without time before the first fix."""
+    body = "120000,5020.1000,N,00408.2000,W,1,08,1.1,5.0,M,50.0,M,,"
+    warm = [sealed(f"GPGGA,{body}"), sealed(f"GLGGA,{body}"), rmc("120000")]
+    cold = [sealed("GPGGA,,,,,,0,00,,,,,,,"), sealed("GLGGA,,,,,,0,00,,,,,,,"), sealed("GNRMC,,V,,,,,,,,,,N")]
+    for group in (warm, cold):
+        out = run([(second + i / 100, data) for second in range(3) for i, data in enumerate(group)])
+        assert len(fixes(tuple(out))) == 3
+
+
+def test_gsa_without_a_fix_gives_way_to_one_with() -> None:
+    out = [gga("120000")]
+    out += [sealed("GPGSA,A,1,,,,,,,,,,,,,99.9,99.9,99.9"), sealed("GLGSA,A,3,70,,,,,,,,,,,,2.0,1.0,1.7")]
+    (fix,) = fixes(tuple(run([(i / 100, data) for i, data in enumerate(out)])))
+    assert (fix.fix_mode, fix.pdop, fix.usable) == (3, 2.0, True)
+
+
+def test_zda_is_not_believed_beside_rmc() -> None:
+    """An AC12 dates its ZDA 2 s ahead of the RMC of the same second."""
+    zda = "GPZDA,1200{:02d},15,07,2026,00,00"
+    sentences = [(0.0, rmc("120000")), (0.1, sealed(zda.format(2))), (1.0, rmc("120001")), (1.1, sealed(zda.format(3)))]
+    assert [pair.source for pair in pairs(tuple(run(sentences)))] == ["RMC", "RMC"]
+    late = [*sentences, (11.5, sealed(zda.format(12)))]
+    assert [pair.source for pair in pairs(tuple(run(late)))] == ["RMC", "RMC", "ZDA"]
+
+
+def test_the_banner_of_a_receiver_is_ignored_and_empty_sentences_are_void() -> None:
+    driver = make_driver(gps())
+    assert driver.feed(line(sealed("GPTXT,01,01,02,u-blox ag - www.u-blox.com"))) == Ignored("TXT")
+    assert driver.feed(line(sealed("GNTXT,01,01,02,ANTSTATUS=OK"))) == Ignored("TXT")
+    group = [
+        "GNRMC,,V,,,,,,,,,,N,V",
+        "GNVTG,,,,,,,,,N",
+        "GNGGA,,,,,,0,00,99.99,,,,,,",
+        "GNGNS,,,,,,NNNN,00,99.99,,,,,V",
+    ]
+    group += ["GNGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99,1", "GNGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99,2"]
+    (fix,) = fixes(tuple(run([(i / 100, sealed(body)) for i, body in enumerate([*group, "GNGLL,,,,,,V,N"])])))
+    assert (fix.lat_deg, fix.hdop, fix.pdop, fix.fix_mode, fix.usable) == (None, None, None, 1, False)
+
+
+# One step of the last digit is 1e-5 minute: values are drawn as whole steps, so that the text says them exactly.
+@given(
+    st.integers(-90 * 60 * 10**5, 90 * 60 * 10**5),
+    st.integers(-180 * 60 * 10**5, 180 * 60 * 10**5),
+    st.integers(0, DAY_MS - 1),
+)
+def test_every_position_and_time_comes_back(lat_steps: int, lon_steps: int, tod_ms: int) -> None:
+    place = f"{angle(lat_steps, 2)},{'NS'[lat_steps < 0]},{angle(lon_steps, 3)},{'EW'[lon_steps < 0]}"
+    seconds, ms = divmod(tod_ms, 1000)
+    time = f"{seconds // 3600:02d}{seconds // 60 % 60:02d}{seconds % 60:02d}.{ms:03d}"
+    bodies = [
+        f"GPGGA,{time},{place},1,08,1.1,5.0,M,50.0,M,,",
+        f"GNGNS,{time},{place},AN,08,1.1,5.0,50.0,,",
+        f"GPRMC,{time},A,{place},5.0,90.0,150726,,,A",
+        f"GPGLL,{place},{time},A,A",
+    ]
+    for body in bodies:
+        (fix,) = fixes(tuple(run([(0, sealed(body))])))
+        assert fix.tod_ms == tod_ms
+        assert fix.lat_deg == pytest.approx(lat_steps / 6e6, abs=1e-11)
+        assert fix.lon_deg == pytest.approx(lon_steps / 6e6, abs=1e-11)
+        assert fix.usable
+
+
+def angle(steps: int, digits: int) -> str:
+    """Steps of 1e-5 minute as `ddmm.mmmmm`."""
+    degrees, rest = divmod(abs(steps), 60 * 10**5)
+    return f"{degrees:0{digits}d}{rest // 10**5:02d}.{rest % 10**5:05d}"
+
+
+@given(st.lists(st.binary(max_size=90) | st.sampled_from([GGA, RMC, GSA, gns("120000")]), max_size=12))
+def test_no_bytes_make_it_raise(data: list[bytes]) -> None:
+    driver = make_driver(gps())
+    for number, one in enumerate(data):
+        assert isinstance(driver.feed(line(one, number * 100 * MS)), Accepted | Rejected | Ignored)
+    driver.flush(10**18)

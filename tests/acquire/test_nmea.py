@@ -8,7 +8,7 @@ from onboard.devices import nmea
 from onboard.devices.compass import sentences as compass_sentences
 from onboard.devices.fields import Position
 from onboard.devices.gps import sentences as gps_sentences
-from onboard.devices.gps.sentences import Gga, Gsa, Rmc, Zda
+from onboard.devices.gps.sentences import Gga, Gll, Gns, Gsa, Rmc, Zda
 from onboard.devices.sentence import Sentence, address, check_sentence
 from tests.acquire.sentences import GGA, GSA, RMC, sealed
 
@@ -33,12 +33,33 @@ def read(data: bytes) -> object:
         (GGA + b" ", "no-checksum"),
         (b"$" + b"1" * 512, "too-long"),
         (GGA[:30] + RMC, "run-together"),
+        (GGA[30:] + RMC, "not-nmea"),
+        (b"\xb5\x62\x01" + GGA[:30] + RMC, "run-together"),
+        (b"\xb5\x62\x01" + GGA[:-2] + b"7E", "checksum"),
+        (b"\\s:GP0001*1C\\" + GGA[:-2] + b"7E", "checksum"),
+        (b"\\s:GP0001*1C" + GGA, "not-nmea"),
         (sealed("GPGGA,$GPRMC"), "run-together"),
         (b"$GPRMC,0307$GPGGA,0307", "run-together"),
     ],
 )
 def test_refused_before_any_field(data: bytes, reason: str) -> None:
     assert check_sentence(data) == reason
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        b"\\s:GP0001,c:1326055296*3C\\",
+        b"\xb5\x62\x01\x20\x10\x00",
+        b"\x00",
+        b"12\xff,N",
+        b"\xfd$",
+        b"\xb5\x62$\x00$G!\x10xM",
+    ],
+)
+def test_a_tag_block_or_binary_before_a_whole_sentence_is_not_part_of_it(before: bytes) -> None:
+    assert check_sentence(before + GGA) == check_sentence(GGA)
+    assert address(before + GGA) == ("GP", "GGA")
 
 
 def test_lower_case_checksum_is_the_same_number() -> None:
@@ -54,6 +75,8 @@ def test_lower_case_checksum_is_the_same_number() -> None:
         (b"$PSRFTXT,1", None),
         (b"$PASHR,1", None),
         (b"$CCGPQ,GGA*2B", ("CC", "GPQ")),
+        (b"$04HDM,1", ("04", "HDM")),
+        (b"$2WMWV,1", ("2W", "MWV")),
         (b"$GPgga,1", None),
         (b"$GPGGAX,1", None),
         (b"", None),
@@ -67,6 +90,7 @@ GOOD = {
     "GGA": "GPGGA,030719.000,3747.0873,S,17518.8938,E,1,08,1.1,59.9,M,23.7,M,,0000",
     "RMC": "GPRMC,030719.000,A,3747.0873,S,17518.8938,E,0.69,181.39,311214,,,A",
     "VTG": "GPVTG,77.52,T,,M,0.004,N,0.008,K,A",
+    "GNS": "GNGNS,112257.00,3844.24011,N,00908.43828,W,AN,03,10.5,,,,",
     "GLL": "GPGLL,5310.8115,N,00525.7025,E,195719,A,A",
     "ZDA": "GPZDA,195719,16,04,2014,-02,00",
     "HDG": "HCHDG,271.1,10.7,E,12.2,W",
@@ -118,7 +142,16 @@ GOOD = {
         ("GSA", "A,3,", "A,4,", "range"),
         ("GSA", ",1.5", "", "fields"),
         ("GLL", "195719", "19571", "time"),
-        ("ZDA", "2014", "14", "date"),
+        ("GNS", ",AN,", ",AX,", "status"),
+        ("GNS", ",AN,", ",aN,", "status"),
+        ("GNS", ",03,", ",A3,", "not-a-number"),
+        ("GNS", ",W,", ",S,", "hemisphere"),
+        ("GNS", "3844.24011", "9044.24011", "range"),
+        ("GNS", ",10.5,,,,", ",10.5", "fields"),
+        ("ZDA", "2014", "014", "date"),
+        ("ZDA", "2014", "4", "date"),
+        ("ZDA", "2014", "1979", "date"),
+        ("ZDA", ",16,", ",00,", "date"),
         ("ZDA", "16,04", ",04", "date"),
         ("ZDA", "16,04", "31,04", "date"),
         ("HDG", "271.1", "371.1", "range"),
@@ -178,6 +211,99 @@ def test_a_cold_receiver_that_fills_the_place_in_is_void_not_refused() -> None:
     reading = read(b"$GPGGA,235946.005,8960.000000,N,00000.000000,E,0,0,,137.000,M,13.000,M,,*49")
     assert isinstance(reading, Gga)
     assert reading.position is None
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "GPRMC,071732.929,V,8960.0000,N,00000.0000,E,0.00,0.00,111111,,",
+        "GPGLL,8960.0000,N,00000.0000,E,071732.929,V",
+    ],
+)
+def test_the_filling_of_a_void_sentence_is_not_read(body: str) -> None:
+    reading = read(sealed(body))
+    assert isinstance(reading, Rmc | Gll)
+    assert (reading.position, reading.status_valid, reading.tod_ms) == (None, False, 26_252_929)
+    assert read(sealed(body.replace(",V", ",A"))) == "range"
+
+
+def test_gns() -> None:
+    reading = read(sealed("GNGNS,014035.00,4332.69262,S,17235.48549,E,RRNN,13,0.9,25.63,11.24,1.2,0000,V"))
+    assert isinstance(reading, Gns)
+    assert reading.position is not None
+    assert reading.position.lat_deg == pytest.approx(-(43 + 32.69262 / 60), abs=1e-12)
+    assert (reading.quality, reading.satellites, reading.hdop, reading.alt_m) == (4, 13, 0.9, 25.63)
+    assert reading.tod_ms == 6_035_000
+
+
+@pytest.mark.parametrize(
+    ("letters", "quality"),
+    [("A", 1), ("AN", 1), ("NNNN", 0), ("DAAN", 2), ("ADFR", 4), ("NF", 5), ("PA", 3), ("EN", 6), ("S", 8), ("", None)],
+)
+def test_gns_is_as_good_as_its_best_constellation(letters: str, quality: int | None) -> None:
+    reading = read(sealed(f"GNGNS,014035.00,4332.69262,S,17235.48549,E,{letters},13,0.9,25.63,11.24,,"))
+    assert isinstance(reading, Gns)
+    assert reading.quality == quality
+    assert (reading.position is None) == (not quality)
+
+
+@pytest.mark.parametrize(
+    ("data", "day"),
+    [
+        (sealed("GPZDA,120000,16,04,14,00,00"), date(2014, 4, 16)),
+        (sealed("GPZDA,120000,16,04,79,00,00"), date(2079, 4, 16)),
+        (sealed("GPZDA,120000,06,01,80,00,00"), date(1980, 1, 6)),
+        (sealed("GPZDA,120000,06,01,1980,00,00"), date(1980, 1, 6)),
+        (sealed("GPZDA,120000,00,00,0000,00,00"), None),
+        (sealed("GPRMC,000231.42,A,4829.0005,N,00022.0016,E,0.16,212.28,220899,,,A"), date(1999, 8, 22)),
+        (sealed("GPRMC,000231.42,A,4829.0005,N,00022.0016,E,0.16,212.28,220879,,,A"), date(2079, 8, 22)),
+        (sealed("GPRMC,000000.00,V,,,,,,,000000,,,N"), None),
+    ],
+)
+def test_years_of_two_digits_are_1980_to_2079(data: bytes, day: date | None) -> None:
+    reading = read(data)
+    assert isinstance(reading, Rmc | Zda)
+    assert reading.date == day
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "GPGGA,120000,5012.7908,N,00806.8796,W,2,,,,,,,",
+        "GPGGA,120000,5012.7908,N,00806.8796,W,2,04,1.0,5,M,,M,,",
+        "GPGGA,120000.5,5012,N,00806,W,1,4,,,M,,M",
+        "GNGGA,120000.123456,5012.790800,N,00806.879600,W,4,19,0.7,280.827,M,-31.442,M,6.0,0002,",
+        "GPRMC,120000,A,5012.7908,N,00806.8796,W,000.0,094.5,060601",
+        "GPRMC,120000,A,5012.7908,N,00806.8796,W,000.0,094.5,060601,024.1,E",
+        "GPRMC,120000,A,5012.7908,N,00806.8796,W,0.5,3.0,010611,,A",
+        "GNRMC,120000.00,A,5012.7908,N,00806.8796,W,0.5,,010611,,,R,V",
+        "GPRMC,120000,D,5012.7908,N,00806.8796,W,0.5,,010611,,",
+        "GPGLL,5012.7908,N,00806.8796,W,120000,A",
+        "GNGLL,5012.7908,N,00806.8796,W,120000.00,A,D",
+        "GNGNS,120000.00,5012.7908,N,00806.8796,W,AAAAAA,09,1.0,20.1,45.0,,",
+        "GNGNS,120000.00,5012.7908,N,00806.8796,W,AANN,09,1.0,20.1,45.0,,,V",
+    ],
+)
+def test_forms_of_nmea_2_0_to_4_11_have_their_position(body: str) -> None:
+    reading = read(sealed(body))
+    assert isinstance(reading, Gga | Gns | Rmc | Gll)
+    assert reading.position is not None
+    assert reading.tod_ms is not None
+    assert reading.tod_ms // 1000 == 43_200
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "GPVTG,054.7,T,034.4,M,005.5,N,010.2,K",
+        "GPVTG,054.7,T,034.4,M,005.5,N,010.2,K,A",
+        "GPVTG,,T,,M,005.5,N,010.2,K,A",
+        "GPGSA,A,3,,,,,,16,18,,22,24,,,3.6,2.1,2.2",
+        "GNGSA,A,3,80,71,73,79,69,,,,,,,,1.83,1.09,1.47,2",
+    ],
+)
+def test_untimed_forms(body: str) -> None:
+    assert not isinstance(read(sealed(body)), str)
 
 
 @pytest.mark.parametrize(

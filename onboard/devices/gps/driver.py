@@ -1,6 +1,6 @@
 """NMEA receivers (BU-353-S4, u-blox and others): one Fix for each receiver epoch.
 
-Position from GGA, else RMC, else GLL; SOG and COG from RMC, else VTG; mode and dilutions from GSA; date from the
+Position from GGA, else GNS, RMC, GLL; SOG and COG from RMC, else VTG; mode and dilutions from GSA; date from the
 epoch's own RMC or ZDA. VTG and GSA carry no time and belong to the epoch that is open. One antenna with the talkers GP,
 GL, GA and GN is one sensor.
 """
@@ -17,13 +17,15 @@ from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, fix_of
 from onboard.devices.gps.sentences import FORMS, Gsa, Rmc, Timed, Untimed, Vtg, Zda
 from onboard.devices.sentence import address, check_sentence
 
-BURST_FORMATTERS: Final = frozenset({"GSV", "GNS", "GST", "GBS", "GRS", "DTM"})
+BURST_FORMATTERS: Final = frozenset({"GSV", "GST", "GBS", "GRS", "DTM", "TXT", "MSS", "ALM"})
 """Sentences of the same burst that are not decoded. They keep the epoch open: at 4800 baud a GSV group puts 0.45 s
 between the GGA and the RMC of one epoch."""
 
 PLAUSIBLE_UTC_NS: Final = (1_704_067_200 * NS_PER_S, 3_471_292_800 * NS_PER_S)
 """2024-01-01 to 2080-01-01: older is a receiver's default date or a week rollover, and `80` is GPS's year 1980."""
 _CLOCK_MODES: Final = frozenset({"A", "D", "F", "P", "R"})
+RMC_RULES_NS: Final = 10 * NS_PER_S
+"""So long after a ClockPair of RMC the time of ZDA is not taken: some receivers date ZDA ahead (an AC12 by 2 s)."""
 
 
 class GpsDriver:
@@ -35,6 +37,7 @@ class GpsDriver:
         self._latency_ns = round(table.latency_ms * NS_PER_MS)
         self._open: Epoch | None = None
         self._closed: Epoch | None = None
+        self._rmc_paired_ns: int | None = None
         self._watch = RepeatWatch()
 
     def claims(self, line: Line) -> bool:
@@ -71,26 +74,27 @@ class GpsDriver:
         if isinstance(reading, str):
             return Rejected(reading, self.sensor)
         raw = RawLine(sensor=self.sensor, t_ns=line.t_ns, text=sentence.text)
+        name = sentence.talker + sentence.formatter
         if isinstance(reading, Vtg | Gsa):
-            self._join_untimed(sentence.formatter, reading, line.t_ns)
+            self._join_untimed(name, reading, line.t_ns)
             return Accepted(self.sensor, sentence.formatter, (raw,))
-        epoch, due = self._join_timed(sentence.formatter, reading, line.t_ns)
+        epoch, due = self._join_timed(name, reading, line.t_ns)
         return Accepted(self.sensor, sentence.formatter, (*due, raw, *self._clock_pair(epoch, reading)))
 
-    def _join_untimed(self, formatter: str, reading: Untimed, t_ns: int) -> None:
+    def _join_untimed(self, name: str, reading: Untimed, t_ns: int) -> None:
         """Into the open epoch, unless that has been quiet and only waits for its flush."""
         if self._open is not None and t_ns - self._open.last_ns < QUIET_NS:
-            self._open.add(formatter, reading)
+            self._open.add(name, reading)
 
-    def _join_timed(self, formatter: str, reading: Timed, t_ns: int) -> tuple[Epoch, tuple[Measurement, ...]]:
+    def _join_timed(self, name: str, reading: Timed, t_ns: int) -> tuple[Epoch, tuple[Measurement, ...]]:
         """The epoch the sentence went into, and what its coming completed."""
         due: tuple[Measurement, ...] = ()
         # A closed epoch still takes a late sentence: its Fix is out, and a second one would be fused twice.
         epoch = self._open or self._closed
-        if epoch is None or not epoch.holds(reading.tod_ms, formatter, t_ns):
+        if epoch is None or not epoch.holds(reading.tod_ms, name, t_ns):
             due = self._close()
             epoch = self._open = Epoch(t_ns, t_ns, reading.tod_ms)
-        epoch.add(formatter, reading)
+        epoch.add(name, reading)
         return epoch, due
 
     def _close(self) -> tuple[Measurement, ...]:
@@ -116,6 +120,11 @@ class GpsDriver:
         utc_ns = epoch.utc_ns
         if reading.date is None or utc_ns is None or not PLAUSIBLE_UTC_NS[0] <= utc_ns < PLAUSIBLE_UTC_NS[1]:
             return ()
+        last_ns = self._rmc_paired_ns
+        if isinstance(reading, Zda) and last_ns is not None and epoch.t_ns - last_ns < RMC_RULES_NS:
+            return ()
+        if isinstance(reading, Rmc):
+            self._rmc_paired_ns = epoch.t_ns
         epoch.paired = True
         source = "RMC" if isinstance(reading, Rmc) else "ZDA"
         return (ClockPair(sensor=self.sensor, t_ns=self._valid_ns(epoch), utc_ns=utc_ns, source=source),)

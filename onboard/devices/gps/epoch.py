@@ -7,7 +7,7 @@ from typing import Final
 from common.messages import Fix
 from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
 from onboard.devices.fields import DAY_MS, Position
-from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Timed, Untimed, Vtg, Zda
+from onboard.devices.gps.sentences import Gga, Gll, Gns, Gsa, Rmc, Timed, Untimed, Vtg, Zda
 
 QUIET_NS: Final = 150 * NS_PER_MS
 """An epoch that nothing has followed for so long is complete."""
@@ -28,7 +28,11 @@ EpochReading = Timed | Untimed
 
 @dataclass(slots=True)
 class Epoch:
-    """What has come so far. The first sentence of a kind counts: receivers repeat GSA for each constellation."""
+    """What has come so far.
+
+    Receivers repeat GGA, GNS and GSA under the talker of each constellation: the first counts, unless it has no
+    position (GSA: no fix) and a later one has.
+    """
 
     t_ns: int
     """Arrival of the first byte."""
@@ -36,7 +40,9 @@ class Epoch:
     """Arrival of the last byte so far."""
     tod_ms: int | None
     seen: set[str] = field(default_factory=set)
+    """Talker and formatter of each sentence."""
     gga: Gga | None = None
+    gns: Gns | None = None
     rmc: Rmc | None = None
     gll: Gll | None = None
     vtg: Vtg | None = None
@@ -45,25 +51,26 @@ class Epoch:
     paired: bool = False
     """Its ClockPair is out."""
 
-    def holds(self, tod_ms: int | None, formatter: str, t_ns: int) -> bool:
+    def holds(self, tod_ms: int | None, address: str, t_ns: int) -> bool:
         """Does a sentence of that time belong here? One without time (cold start) joins what is still going on."""
         if tod_ms is None or self.tod_ms is None:
-            return formatter not in self.seen and t_ns - self.last_ns < QUIET_NS
-        return tod_ms == self.tod_ms and (formatter not in self.seen or t_ns - self.t_ns < SAME_TIME_NS)
+            return address not in self.seen and t_ns - self.last_ns < QUIET_NS
+        return tod_ms == self.tod_ms and (address not in self.seen or t_ns - self.t_ns < SAME_TIME_NS)
 
-    def add(self, formatter: str, reading: EpochReading) -> None:
-        """Take a sentence in."""
-        if formatter in self.seen:
-            return
-        self.seen.add(formatter)
-        setattr(self, formatter.lower(), reading)
+    def add(self, address: str, reading: EpochReading) -> None:
+        """Take a sentence in; `address` is talker and formatter (`GPGGA`)."""
+        name = address[2:].lower()
+        before = getattr(self, name)
+        if before is None or (not _has_solution(before) and _has_solution(reading)):
+            setattr(self, name, reading)
+        self.seen.add(address)
         if self.tod_ms is None and not isinstance(reading, Vtg | Gsa):
             self.tod_ms = reading.tod_ms
 
     @property
     def has_fix(self) -> bool:
         """ZDA, VTG and GSA alone make no fix."""
-        return self.gga is not None or self.rmc is not None or self.gll is not None
+        return any(reading is not None for reading in (self.gga, self.gns, self.rmc, self.gll))
 
     @property
     def status_valid(self) -> bool | None:
@@ -74,26 +81,30 @@ class Epoch:
 
     @property
     def position(self) -> Position | None:
-        """GGA with a quality above 0, else RMC, else GLL; an invalid epoch's filling of zeros is no position."""
-        if self.gga is not None and self.gga.position is not None:
-            return self.gga.position
+        """GGA or GNS with a quality above 0, else RMC, else GLL; an invalid epoch's filling of zeros is no position."""
+        graded = self.graded
+        if graded is not None and graded.position is not None:
+            return graded.position
         for reading in (self.rmc, self.gll):
             if reading is None or reading.position is None or reading.status_valid is None:
                 continue
             filling = reading.position.lat_deg == 0.0 and reading.position.lon_deg == 0.0
-            if reading.status_valid or not (filling or self._quality_none):
+            if reading.status_valid or not (filling or (graded is not None and graded.quality == 0)):
                 return reading.position
         return None
 
     @property
-    def _quality_none(self) -> bool:
-        return self.gga is not None and self.gga.quality == 0
+    def graded(self) -> Gga | Gns | None:
+        """The sentence that says how good the fix is: GGA, else GNS; one with a position before one without."""
+        if self.gga is None or (self.gga.position is None and self.gns is not None and self.gns.position is not None):
+            return self.gns
+        return self.gga
 
     @property
     def fix_quality(self) -> int | None:
-        """GGA's; without GGA what the mode letter of RMC or GLL says of estimated, manual and simulated fixes."""
-        if self.gga is not None:
-            return self.gga.quality
+        """GGA's or GNS's; without them what the mode of RMC or GLL says of estimated, manual and simulated fixes."""
+        if self.graded is not None:
+            return self.graded.quality
         mode = next((reading.mode for reading in (self.rmc, self.gll) if reading is not None and reading.mode), "")
         return _QUALITY_OF_MODE.get(mode)
 
@@ -121,9 +132,16 @@ class Epoch:
         return None if day is None else (day - _FIRST_DAY).days * 86_400 * NS_PER_S + self.tod_ms * NS_PER_MS
 
 
+def _has_solution(reading: EpochReading) -> bool:
+    """Only GGA, GNS, RMC, GLL and GSA can be without one."""
+    if isinstance(reading, Gsa):
+        return reading.fix_mode is not None and reading.fix_mode > 1
+    return isinstance(reading, Vtg | Zda) or reading.position is not None
+
+
 def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool) -> Fix:
     """The Fix of a complete epoch, valid at `t_ns`."""
-    gga, gsa, position = epoch.gga, epoch.gsa, epoch.position
+    graded, gsa, position = epoch.graded, epoch.gsa, epoch.position
     sog_kn, cog_true_deg = epoch.speed_and_course
     gsa_hdop = None if gsa is None else gsa.hdop
     return Fix(
@@ -131,12 +149,12 @@ def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool) -> Fix:
         t_ns=t_ns,
         lat_deg=None if position is None else position.lat_deg,
         lon_deg=None if position is None else position.lon_deg,
-        alt_m=gga.alt_m if gga is not None and gga.quality and position is not None else None,
+        alt_m=graded.alt_m if graded is not None and graded.quality and position is not None else None,
         fix_quality=epoch.fix_quality,
         fix_mode=None if gsa is None else gsa.fix_mode,
         status_valid=epoch.status_valid,
-        satellites=None if gga is None else gga.satellites,
-        hdop=gga.hdop if gsa_hdop is None and gga is not None else gsa_hdop,
+        satellites=None if graded is None else graded.satellites,
+        hdop=graded.hdop if gsa_hdop is None and graded is not None else gsa_hdop,
         pdop=None if gsa is None else gsa.pdop,
         vdop=None if gsa is None else gsa.vdop,
         sog_kn=sog_kn,

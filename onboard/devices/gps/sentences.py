@@ -1,15 +1,21 @@
-"""Sentences of satellite receivers as typed readings: GGA, RMC, VTG, GSA, GLL, ZDA."""
+"""Sentences of satellite receivers as typed readings: GGA, GNS, RMC, VTG, GSA, GLL, ZDA.
+
+Fields by NMEA 0183 from 2.0 to 4.11. Optional at the end: mode of RMC, GLL and VTG (2.3), system identity of GSA and
+navigational status of RMC and GNS (4.1). The status says nothing of the fix (u-blox always sends V) and is not read.
+"""
 
 from dataclasses import dataclass
 from datetime import date
 from typing import Final
 
 from onboard.devices import fields
-from onboard.devices.fields import Position
+from onboard.devices.fields import FieldFault, Position
 from onboard.devices.nmea import Form, Text
 
 MODES: Final = "ADEFMNPRS"
 """Autonomous, differential, estimated, RTK float, manual, not valid, precise, RTK, simulator."""
+_QUALITY_OF_LETTER: Final = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "M": 7, "S": 8, "N": 0}
+"""Letters of GNS as qualities of GGA, best first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +26,20 @@ class Gga:
     position: Position | None
     quality: int | None
     """0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator."""
+    satellites: int | None
+    hdop: float | None
+    alt_m: float | None
+    """Above mean sea level."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gns:
+    """Position and quality of several constellations together; no position where no constellation has a fix."""
+
+    tod_ms: int | None
+    position: Position | None
+    quality: int | None
+    """As in GGA: the best of the letters, of which there is one for each constellation (`AANN` = 1, `RRNN` = 4)."""
     satellites: int | None
     hdop: float | None
     alt_m: float | None
@@ -79,7 +99,7 @@ class Zda:
     date: date | None
 
 
-Timed = Gga | Rmc | Gll | Zda
+Timed = Gga | Gns | Rmc | Gll | Zda
 Untimed = Vtg | Gsa
 
 
@@ -97,12 +117,33 @@ def _gga(text: Text) -> Gga:
     )
 
 
+def _gns(text: Text) -> Gns:
+    quality = _best_quality(text("mode"))
+    return Gns(
+        tod_ms=fields.time_of_day_ms(text("timestamp")),
+        position=_position(text) if quality else None,
+        quality=quality,
+        satellites=fields.whole_number(text("satellites"), 0, 200),
+        hdop=fields.dilution(text("hdop")),
+        alt_m=fields.number(text("altitude"), -12_000.0, 100_000.0),
+    )
+
+
+def _best_quality(letters: str) -> int | None:
+    """Empty where a receiver follows GNGNS with one empty sentence for each constellation."""
+    if not set(letters) <= set(_QUALITY_OF_LETTER):
+        raise FieldFault("status")
+    return next((quality for letter, quality in _QUALITY_OF_LETTER.items() if letter in letters), None)
+
+
 def _rmc(text: Text) -> Rmc:
     mode = fields.letter(text("mode_indicator"), MODES, "status")
+    # D = differential: in the status of some older receivers, beside A and V.
+    status_valid = _status(text, "AVD")
     return Rmc(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
-        status_valid=_status(text),
-        position=None if mode == "N" else _position(text),
+        status_valid=status_valid,
+        position=None if mode == "N" else _position_under(text, status_valid),
         sog_kn=fields.number(text("spd_over_grnd"), 0.0, 1000.0),
         cog_true_deg=fields.direction(text("true_course")),
         date=fields.short_date(text("datestamp")),
@@ -129,10 +170,11 @@ def _gsa(text: Text) -> Gsa:
 
 def _gll(text: Text) -> Gll:
     mode = fields.letter(text("faa_mode"), MODES, "status")
+    status_valid = _status(text, "AV")
     return Gll(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
-        status_valid=_status(text),
-        position=None if mode == "N" else _position(text),
+        status_valid=status_valid,
+        position=None if mode == "N" else _position_under(text, status_valid),
         mode=mode,
     )
 
@@ -148,13 +190,31 @@ def _position(text: Text) -> Position | None:
     return fields.position(text("lat"), text("lat_dir"), text("lon"), text("lon_dir"))
 
 
-def _status(text: Text) -> bool | None:
-    status = fields.letter(text("status"), "AV", "status")
-    return None if status is None else status == "A"
+def _position_under(text: Text, status_valid: bool | None) -> Position | None:
+    """Under status V what cannot be read is no position, and the time is still good: MTK sends 8960.0000,N."""
+    try:
+        return _position(text)
+    except FieldFault:
+        if status_valid is not False:
+            raise
+        return None
+
+
+def _status(text: Text, letters: str) -> bool | None:
+    status = fields.letter(text("status"), letters, "status")
+    return None if status is None else status != "V"
+
+
+_GNS_FIELDS: Final = (
+    "timestamp", "lat", "lat_dir", "lon", "lon_dir", "mode", "satellites", "hdop", "altitude", "geo_sep",
+    "age_gps_data", "ref_station_id", "nav_status",
+)  # fmt: skip
 
 
 FORMS: Final[dict[str, Form[Timed | Untimed]]] = {
     "GGA": Form(10, 15, _gga),
+    # Older versions of pynmea2 name its fields differently.
+    "GNS": Form(10, 13, _gns, _GNS_FIELDS),
     "RMC": Form(9, 14, _rmc),
     "VTG": Form(8, 9, _vtg),
     "GSA": Form(17, 18, _gsa),
