@@ -69,7 +69,7 @@ def imu_line(n: int) -> bytes:
     """The number is the count of the forward accelerometer."""
     count = IMU_FIRST_COUNT + n % MODULUS["imu"]
     return (
-        f"!!!VER:1.9,AN0:3,AN1:-7,AN2:{n % 400 - 200},AN3:{count},AN4:{n % 83},AN5:-4096,"
+        f"!!!VER:1.9,AN0:3,AN1:-7,AN2:{n % 400 - 200},AN3:{count},AN4:{n % 83},AN5:4096,"
         f"RLL:{n % 90 / 10:.2f},PCH:-1.25,YAW:{n % 3600 / 20:.2f},IMUH:253,TOW:0***\r\n"
     ).encode("ascii")
 

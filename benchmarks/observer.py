@@ -172,7 +172,7 @@ class Client:
             self.streams[formatter].add(int(text.replace(".", "")), line.t_ns)
         for block in frame.imu:
             for t_ns, accel in zip(block.sample_t_ns, block.accel_fwd_m_s2, strict=True):
-                self.streams[block.sensor].add(round(accel * COUNTS_PER_M_S2) - IMU_FIRST_COUNT, t_ns)
+                self.streams[block.sensor].add(round(-accel * COUNTS_PER_M_S2) - IMU_FIRST_COUNT, t_ns)
         for heading in frame.headings:
             if heading.sensor in self.streams and heading.heading_mag_deg is not None:
                 self.streams[heading.sensor].add(round(heading.heading_mag_deg * 10), heading.t_ns)

@@ -27,7 +27,7 @@ ROLES: Final[dict[str, Role]] = {
     "gps": Role("GNSS receiver", 1.0, True, ("Fix", "ClockPair", "RawLine")),
     "imu": Role("inertial unit: acceleration fore and athwart, yaw rate", 20.0, True, ("ImuBlock", "Attitude")),
     "gyro": Role("rate gyro", 20.0, True, ("TurnRate",)),
-    "compass": Role("magnetic or true heading", 10.0, True, ("Heading", "TurnRate")),
+    "compass": Role("magnetic or true heading", 10.0, True, ("Heading", "TurnRate", "Attitude")),
     "ais": Role("AIS receiver", 1.0, False, ("AisLine",)),
     "radar": Role("marine radar's own target tracker", 1.0, False, ("RadarTarget", "RawLine")),
 }

@@ -30,6 +30,8 @@ class Form(Generic[Reading_co]):
     read: Callable[[Text], Reading_co]
     names: tuple[str, ...] = ()
     """Of the fields after the address, for a sentence that pynmea2 does not know (a maker's own); it is split here."""
+    step: int = 1
+    """Fields come in groups of so many beyond `least`."""
 
 
 # Fields that pynmea2 1.15 (Debian 12) has no name for, by place; `#2` marks what no version names.
@@ -47,7 +49,7 @@ def read(sentence: Sentence, forms: Mapping[str, Form[Reading_co]]) -> Reading_c
         return "formatter"
     try:
         data, places = _split(sentence, form.names)
-        if not form.least <= len(data) <= form.most:
+        if not form.least <= len(data) <= form.most or (len(data) - form.least) % form.step:
             return "fields"
 
         def text(name: str) -> str:

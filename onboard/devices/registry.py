@@ -6,14 +6,26 @@ from typing import Final
 from common.errors import WayfixError
 from common.sensors import SensorTable
 from onboard.devices.base import Driver
-from onboard.devices.compass.driver import CompassDriver
+from onboard.devices.compass.driver import CompassDriver, hmr3000, hsc100
+from onboard.devices.compass.kvh import KvhDriver
+from onboard.devices.compass.tcm2 import Tcm2Driver
 from onboard.devices.gps.driver import GpsDriver
 from onboard.devices.inertial.arduimu import ArduImuDriver
+from onboard.devices.inertial.tinkerkit import TinkerKitDriver
+from onboard.devices.traffic.ais import AisDriver
+from onboard.devices.traffic.radar import RadarDriver
 
 MODELS: Final[dict[tuple[str, str], Callable[[SensorTable], Driver]]] = {
     ("gps", "nmea"): GpsDriver,
     ("compass", "nmea"): CompassDriver,
+    ("compass", "hsc100"): hsc100,
+    ("compass", "tcm2"): Tcm2Driver,
+    ("compass", "hmr3000"): hmr3000,
+    ("compass", "kvh-c100"): KvhDriver,
     ("imu", "arduimu"): ArduImuDriver,
+    ("gyro", "tinkerkit"): TinkerKitDriver,
+    ("ais", "nmea"): AisDriver,
+    ("radar", "nmea"): RadarDriver,
 }
 
 

@@ -107,8 +107,8 @@ class CompassEncoder:
 class ArduImuEncoder:
     """The line of an ArduIMU V3 with raw counts: AN0..2 gyro x, y, z; AN3..5 accelerometer x, y, z; no checksum.
 
-    Axes forward, starboard, down; the accelerometer feels specific force, so z reads -1 g at rest. `YAW` is the unit's
-    own integral of its gyro from 0 (it has no magnetometer line here); `TOW:0` = no receiver attached to it.
+    Axes forward, starboard, down; the firmware prints gravity, minus the specific force, so z reads +1 g at rest. `YAW`
+    is the unit's own integral of its gyro from 0 (it has no magnetometer line here); `TOW:0` = no receiver attached.
     """
 
     _yaw_deg: float = 0.0
@@ -117,19 +117,19 @@ class ArduImuEncoder:
     def encode(self, t_s: float, reading: ImuReading) -> Encoded:
         """One line; the sample covers the interval that ends at `t_s`."""
         gyro = _counts(reading.yaw_rate_deg_s * COUNTS_PER_DEG_S)
-        forward = _counts(reading.accel_fwd_m_s2 * _COUNTS_PER_M_S2)
-        starboard = _counts(reading.accel_stb_m_s2 * _COUNTS_PER_M_S2)
+        forward = _counts(-reading.accel_fwd_m_s2 * _COUNTS_PER_M_S2)
+        starboard = _counts(-reading.accel_stb_m_s2 * _COUNTS_PER_M_S2)
         rate_deg_s = gyro / COUNTS_PER_DEG_S
         if self._t_s is not None:
             self._yaw_deg = math.remainder(self._yaw_deg + rate_deg_s * (t_s - self._t_s), 360.0)
         self._t_s = t_s
         text = (
-            f"!!!VER:1.9,AN0:0,AN1:0,AN2:{gyro},AN3:{forward},AN4:{starboard},AN5:{-COUNTS_PER_G},"
+            f"!!!VER:1.9,AN0:0,AN1:0,AN2:{gyro},AN3:{forward},AN4:{starboard},AN5:{COUNTS_PER_G},"
             f"RLL:0.00,PCH:0.00,YAW:{self._yaw_deg:.2f},IMUH:253,TOW:0***\r\n"
         )
         values: Values = {
-            "accel_fwd_m_s2": forward / _COUNTS_PER_M_S2,
-            "accel_stb_m_s2": starboard / _COUNTS_PER_M_S2,
+            "accel_fwd_m_s2": -forward / _COUNTS_PER_M_S2,
+            "accel_stb_m_s2": -starboard / _COUNTS_PER_M_S2,
             "yaw_rate_deg_s": rate_deg_s,
         }
         return Encoded(text.encode("ascii"), "ImuSample", values)

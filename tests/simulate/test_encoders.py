@@ -136,7 +136,7 @@ def test_imu_line_is_that_of_an_arduimu_with_analogs() -> None:
     encoder.encode(0.05, ImuReading(0.0, 0.0, 0.0))
     line = encoder.encode(0.15, ImuReading(9.80665 / 4096 * 12, -9.80665 / 4096 * 7, 20.0)).data
     assert line == (
-        b"!!!VER:1.9,AN0:0,AN1:0,AN2:328,AN3:12,AN4:-7,AN5:-4096,RLL:0.00,PCH:0.00,YAW:2.00,IMUH:253,TOW:0***\r\n"
+        b"!!!VER:1.9,AN0:0,AN1:0,AN2:328,AN3:-12,AN4:7,AN5:4096,RLL:0.00,PCH:0.00,YAW:2.00,IMUH:253,TOW:0***\r\n"
     )
     # 20 of them a second fit 38400 baud.
     assert 20 * (len(line) + 20) < 3840
@@ -145,4 +145,4 @@ def test_imu_line_is_that_of_an_arduimu_with_analogs() -> None:
 def test_imu_saturates_like_its_converter() -> None:
     values = ArduImuEncoder().encode(0.0, ImuReading(1000.0, -1000.0, 1e6)).values
     assert values["yaw_rate_deg_s"] == pytest.approx(32767 / 16.4)
-    assert values["accel_stb_m_s2"] == pytest.approx(-8 * 9.80665)
+    assert values["accel_fwd_m_s2"] == pytest.approx(8 * 9.80665)

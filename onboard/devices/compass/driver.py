@@ -1,52 +1,165 @@
-"""Compasses that send HDG, HDM or HDT (HMR3000, KVH C100, HSC100, HSC100T and many others)."""
+"""Compasses that speak NMEA: any of them, Digital Yacht HSC100 and HSC100T, Honeywell HMR3000.
+
+What a model sends is a table of forms in `sentences`; all of them need their checksum. Autonnic, who makes the HSC100's
+electronics, can switch the checksum off (or put a serial number in its place): such lines are refused, turn it on.
+"""
+
+import re
+from dataclasses import replace
+from typing import Final
 
 from common.clock import whole_us
-from common.messages import Heading
+from common.messages import Attitude, Heading, TurnRate
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
 from onboard.devices import nmea
 from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
-from onboard.devices.compass.sentences import FORMS
-from onboard.devices.sentence import address, check_sentence
+from onboard.devices.compass import sentences
+from onboard.devices.compass.one_source import OneSource
+from onboard.devices.compass.sentences import AttitudeReading, Forms, HeadingReading, HprReading, TurnReading
+from onboard.devices.sentence import address, check_sentence, sentence_of
+
+_OWN = re.compile(rb"\$(PTNT[A-Z]{3}),")
+"""Honeywell's own sentences have no talker."""
+_ANGLE = re.compile(rb",(?:%s)(?=[,*]|$)" % "|".join(sentences.ANGLE_NAMES).encode())
+_RANK: Final = {"PTNTHPR": 5, "HDG": 4, "HDM": 3, "HCC": 2, "HDT": 1}
+"""Which heading is used where a device sends the same one in several sentences: the one that brings most with it, then
+the magnetic ones (deviation and variation are added ashore, in one place); HDT where it is the only one."""
 
 
 class CompassDriver:
-    """One compass. Deviation and variation are handed on as sent; nothing is added to the heading here."""
+    """One compass; every measurement is valid at the arrival of its line's first byte less the latency.
 
-    def __init__(self, table: SensorTable) -> None:
+    Deviation and variation are handed on as sent; nothing is added to the heading here. A device that sends several
+    heading sentences for one reading gives one Heading (`OneSource`); the others are accepted without measurement.
+
+    HMR3000: PTNTHPR already has the deviation and variation programmed in the device added, and does not say so. It
+    is taken as magnetic, until an HDG of the same device shows a variation or its HDT a heading: then it is true.
+    Do not program a variation into an HMR3000 that sends PTNTHPR alone.
+
+    HSC100: a fluxgate knows no variation; Autonnic's manual calls the number of its HDT the compass heading too. HDT is
+    taken as true, as it says: leave these on HDG, unless the variation was put into the device's heading offset.
+    """
+
+    def __init__(self, table: SensorTable, forms: Forms = sentences.NMEA) -> None:
         self.sensor = table.id
+        self._forms = forms
         self._talkers = frozenset(table.talkers)
         self._latency_ns = round(table.latency_ms * NS_PER_MS)
+        self._headings = OneSource()
+        self._turn_rates = OneSource()
+        self._attitudes = OneSource()
+        self._true_inside = False
 
     def claims(self, line: Line) -> bool:
-        """HDG, HDM and HDT of the talkers configured (none configured = all)."""
-        found = address(line.data)
-        return found is not None and found[1] in FORMS and (not self._talkers or found[0] in self._talkers)
+        """The model's sentences, of the talkers configured (none = all; a maker's own sentence has no talker).
+
+        Weather stations send XDR too: only one that names a pitch or roll is a compass's.
+        """
+        talker, formatter = _address(line.data)
+        if formatter not in self._forms or (talker and self._talkers and talker not in self._talkers):
+            return False
+        return formatter != "XDR" or _ANGLE.search(line.data) is not None
 
     def feed(self, line: Line) -> Outcome:
-        """One Heading for each sentence, valid at the arrival of its first byte less the latency.
+        """Decode one sentence.
 
-        Beside the reasons of `check_sentence` and `nmea.read`: `empty`, a sentence without heading (the compass
-        calibrates itself, or has raised an alarm).
+        Beside the reasons of `check_sentence` and `nmea.read`: `empty`, no value in it (the compass calibrates itself);
+        `alarm`, the device refuses to give a heading (HMR3000 status letters); `void`, ROT with status V; `unit`, also
+        mils or counts in place of degrees; `duplicate`, an XDR that names the same angle twice.
         """
         sentence = check_sentence(line.data)
         if isinstance(sentence, str):
             return Rejected(sentence, self.sensor)
-        reading = nmea.read(sentence, FORMS)
+        talker, formatter = _address(line.data)
+        reading = nmea.read(replace(sentence, formatter=formatter), self._forms)
         if isinstance(reading, str):
             return Rejected(reading, self.sensor)
-        if reading.heading_mag_deg is None and reading.heading_true_deg is None:
+        source, t_ns = talker + formatter, whole_us(line.t_ns - self._latency_ns)
+        match reading:
+            case HeadingReading():
+                measurements = self._heading(source, t_ns, reading)
+            case HprReading():
+                measurements = self._heading_and_attitude(source, t_ns, reading)
+            case TurnReading():
+                measurements = self._turn_rate(source, t_ns, reading)
+            case AttitudeReading():
+                measurements = self._attitude(source, t_ns, reading)
+        if measurements is None:
             return Rejected("empty", self.sensor)
+        return Accepted(self.sensor, formatter, measurements)
+
+    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+        """Nothing: a heading never waits."""
+        return ()
+
+    def _heading(self, source: str, t_ns: int, reading: HeadingReading) -> tuple[Measurement, ...] | None:
+        if source == "HCHDG":
+            self._true_inside = reading.variation_deg is not None
+        elif source == "HCHDT":
+            self._true_inside = reading.heading_true_deg is not None
+        if reading.heading_mag_deg is None and reading.heading_true_deg is None:
+            # An HMR3000 without variation sends HDT for ever empty beside the sentence that is used: no fault.
+            return () if self._headings.covers(source, t_ns) else None
+        if not self._headings.admits(source, _RANK[source[2:]], t_ns):
+            return ()
         heading = Heading(
             sensor=self.sensor,
-            t_ns=whole_us(line.t_ns - self._latency_ns),
+            t_ns=t_ns,
             heading_mag_deg=reading.heading_mag_deg,
             heading_true_deg=reading.heading_true_deg,
             deviation_deg=reading.deviation_deg,
             variation_deg=reading.variation_deg,
         )
-        return Accepted(self.sensor, sentence.formatter, (heading,))
+        return (heading,)
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
-        """Nothing: a heading never waits."""
-        return ()
+    def _heading_and_attitude(self, source: str, t_ns: int, reading: HprReading) -> tuple[Measurement, ...]:
+        tilted = reading.pitch_deg is not None or reading.roll_deg is not None
+        attitude_used = tilted and self._attitudes.admits(source, _RANK[source], t_ns)
+        if self._headings.admits(source, _RANK[source], t_ns):
+            heading = Heading(
+                sensor=self.sensor,
+                t_ns=t_ns,
+                heading_mag_deg=None if self._true_inside else reading.heading_deg,
+                heading_true_deg=reading.heading_deg if self._true_inside else None,
+                pitch_deg=reading.pitch_deg,
+                roll_deg=reading.roll_deg,
+                warning=reading.warning,
+            )
+            return (heading,)
+        if not attitude_used:
+            return ()
+        pitch_deg, roll_deg = reading.pitch_deg, reading.roll_deg
+        return (
+            Attitude(sensor=self.sensor, t_ns=t_ns, pitch_deg=pitch_deg, roll_deg=roll_deg, warning=reading.warning),
+        )
+
+    def _turn_rate(self, source: str, t_ns: int, reading: TurnReading) -> tuple[Measurement, ...] | None:
+        if reading.rate_deg_s is None:
+            return None
+        if not self._turn_rates.admits(source, 0, t_ns):
+            return ()
+        return (TurnRate(sensor=self.sensor, t_ns=t_ns, rate_deg_s=reading.rate_deg_s),)
+
+    def _attitude(self, source: str, t_ns: int, reading: AttitudeReading) -> tuple[Measurement, ...] | None:
+        if reading.pitch_deg is None and reading.roll_deg is None:
+            return None
+        if not self._attitudes.admits(source, 0, t_ns):
+            return ()
+        return (Attitude(sensor=self.sensor, t_ns=t_ns, pitch_deg=reading.pitch_deg, roll_deg=reading.roll_deg),)
+
+
+def hsc100(table: SensorTable) -> CompassDriver:
+    """Digital Yacht HSC100 and HSC100T."""
+    return CompassDriver(table, sentences.HSC100)
+
+
+def hmr3000(table: SensorTable) -> CompassDriver:
+    """Honeywell HMR3000."""
+    return CompassDriver(table, sentences.HMR3000)
+
+
+def _address(data: bytes) -> tuple[str, str]:
+    """Talker and formatter; of a maker's own sentence no talker and the whole name; both empty = neither."""
+    own = _OWN.match(sentence_of(data))
+    return ("", own[1].decode("ascii")) if own else address(data) or ("", "")
