@@ -41,7 +41,8 @@ class Fix:
     alt_m: float | None = None
     """Above mean sea level."""
     fix_quality: Annotated[int, Range(0, 9)] | None = None
-    """GGA (GNS in the same numbers): 0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator."""
+    """GGA (GNS in the same numbers): 0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual,
+    8 simulator."""
     fix_mode: Annotated[int, Range(1, 3)] | None = None
     """GSA: 1 none, 2 = 2D, 3 = 3D."""
     status_valid: bool | None = None

@@ -6,9 +6,9 @@ lost inside a number still cannot be seen. Tolerated, because real units send it
 before the end mark (the switches of the firmware leave it), the first `!` lost at the start of a transmission, and
 further ones where the line still begins with its whole `VER:`.
 
-Variants: one puts `;` between the pairs. A fork prints the groups on lines of their own, without any mark: of these only
-the attitude group is taken, and only when it is the whole line with two decimals in every angle: a cut line is one
-decimal short or a key short.
+Variants: one puts `;` between the pairs. A fork prints the groups on lines of their own, without any mark: of these
+only the attitude group is taken, and only when it is the whole line with two decimals in every angle: a cut line is
+one decimal short or a key short.
 
 Attitude comes from RLL, PCH, YAW; without them from the matrix EX0..EX8 (`onboard.devices.inertial.rotation`).
 MGH is skipped (degrees in some firmware, radians in other), and so is all of the unit's own receiver (LAT, LON, ALT,
