@@ -18,6 +18,11 @@ class EventKind:
 EVENTS: Final[dict[str, EventKind]] = {
     "daemon-started": EventKind("info", "daemon started, {sensors} sensors configured", "nothing to do"),
     "daemon-stopping": EventKind("info", "daemon stops: {reason}", "nothing to do"),
+    "daemon-resumed": EventKind(
+        "warning",
+        "the former run ended without a goodbye: {gap_s} s without frames",
+        "read the log of that time (`journalctl -u wayfix-onboard`) for a crash, a hang or a full memory",
+    ),
     "port-opened": EventKind("info", "{port} open at {path}", "nothing to do"),
     "port-lost": EventKind("warning", "{port} lost: {reason}", "check plug and power; it is reopened by itself"),
     "port-missing": EventKind(
@@ -29,6 +34,12 @@ EVENTS: Final[dict[str, EventKind]] = {
         "lower the device's output or raise byte_budget_per_s",
     ),
     "port-calm": EventKind("info", "{port} is within its byte budget again", "nothing to do"),
+    "lines-damaged": EventKind(
+        "warning",
+        "{damaged} of the last {lines} lines of {port} came damaged",
+        "check the plug, the baud rate, and that no other program (gpsd, ModemManager) reads the port",
+    ),
+    "lines-clean": EventKind("info", "the lines of {port} come whole again", "nothing to do"),
     "sensor-delivering": EventKind("info", "{sensor} delivers", "nothing to do"),
     "sensor-silent": EventKind(
         "warning",

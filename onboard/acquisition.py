@@ -20,14 +20,19 @@ from common.units import NS_PER_S
 from onboard.budget import ByteBudget
 from onboard.clockmap import ClockMap
 from onboard.config import byte_budget
-from onboard.devices import PortDecoder, make_driver
+from onboard.devices import PortDecoder, make_driver, recognised
 from onboard.devices.base import Accepted, Ignored, Measurement, Outcome, Rejected
+from onboard.devices.sentence import address
 from onboard.framer import Framer, Identity
-from onboard.health import SensorMonitor
+from onboard.health import DamageWatch, SensorMonitor, Wire
 from onboard.lines import LineSplitter
 
 COMPANIONS: Final = (RawLine, ClockPair)
 """What comes along with a measurement and is none itself: not counted in a sensor's rate."""
+DAMAGE: Final = frozenset(
+    {"checksum", "not-ascii", "not-nmea", "no-checksum", "run-together", "too-long", "marks", "duplicate", "form"}
+)
+"""Reasons that blame the wire; the others blame what the device says."""
 
 
 def versions() -> dict[str, str]:
@@ -73,19 +78,21 @@ class PortChain:
         config = acquisition.config
         sensors = [sensor for sensor in config.sensor if sensor.port == table.name]
         self.table = table
+        self.wire = acquisition.wires[table.name]
         self.monitors = [acquisition.monitors[sensor.id] for sensor in sensors]
         self.decoder = PortDecoder([make_driver(sensor) for sensor in sensors])
         self._acquisition = acquisition
         self.splitter = LineSplitter()
+        self._overflows = 0
         self._budget = ByteBudget(byte_budget(table, config))
+        self._damage = DamageWatch(self.wire, periodic=any(monitor.periodic for monitor in self.monitors))
         self.tally = Tally()
         self._flood_ns: int | None = None
         self._state = "new"
 
     def chunk(self, data: bytes, t_ns: int) -> None:
         """Bytes as read, stamped once."""
-        for monitor in self.monitors:
-            monitor.heard_bytes += len(data)
+        self.wire.heard_bytes += len(data)
         allowed = self._budget.take(len(data), t_ns)
         for line in self.splitter.feed(data[:allowed], t_ns):
             self._dispose(self.decoder.feed(line), t_ns)
@@ -93,18 +100,24 @@ class PortChain:
             self._cut(len(data) - allowed, t_ns)
 
     def flush(self, now_ns: int) -> None:
-        """What is due without another line, and the end of a flood."""
+        """What is due without another line, the end of a flood, and what there is to say about the lines."""
         for measurement in self.decoder.flush(self.splitter.complete_until(now_ns)):
             if not isinstance(measurement, COMPANIONS):
-                self._acquisition.monitors[measurement.sensor].measured(now_ns)
+                self._acquisition.monitors[measurement.sensor].measured()
             self._acquisition.take(measurement, now_ns)
-        if self._flood_ns is not None and now_ns - self._flood_ns > NS_PER_S:
+        if self._flood_ns is not None and now_ns - self._flood_ns > NS_PER_S and self._budget.calm(now_ns):
             self._flood_ns = None
             self._mark_flood(False, now_ns)
+        self._tell_damage(now_ns)
+        for monitor in self.monitors:
+            if monitor.wants_hint(now_ns):
+                monitor.hint = self._whose_lines(monitor)
 
     def changed(self, reason: str | None, now_ns: int) -> None:
         """The port opened (None) or was lost. One event for each loss and each return, whatever is tried in between."""
         name = self.table.name
+        self._damage.reset()
+        self.decoder.unclaimed.clear()
         if reason is None:
             self.splitter.reset()
             self._acquisition.happened(event("port-opened", now_ns, name, port=name, path=self.table.path))
@@ -125,32 +138,59 @@ class PortChain:
         """The silent port is being opened anew."""
         self.splitter.reset()
         for monitor in self.monitors:
-            monitor.port_changed(None, now_ns)
+            monitor.reopening(now_ns)
+
+    def _tell_damage(self, now_ns: int) -> None:
+        self.wire.damaged += self.splitter.overflows - self._overflows
+        self._overflows = self.splitter.overflows
+        found = self._damage.look(now_ns)
+        if found is not None:
+            code, damaged, lines = found
+            name = self.table.name
+            self._acquisition.happened(event(code, now_ns, name, port=name, damaged=damaged, lines=lines))
+
+    def _whose_lines(self, monitor: SensorMonitor) -> str | None:
+        """A sensor came back as another model, or the plugs were swapped: say so."""
+        model = recognised(self.decoder.unclaimed)
+        if model is None:
+            return None
+        table = monitor.table
+        if model == f"{table.role} {table.model}":
+            found = {address(line.data) for line in self.decoder.unclaimed}
+            talkers = ", ".join(sorted({where[0] for where in found if where is not None})[:4])
+            return f"its lines come from talker {talkers}; configured: {', '.join(table.talkers) or 'all'}"
+        return f"lines like those of {model} come; configured: {table.role} {table.model}"
 
     def _dispose(self, outcome: Outcome, t_ns: int) -> None:
         self.tally.count(outcome)
         if isinstance(outcome, Accepted):
-            measured = any(not isinstance(item, COMPANIONS) for item in outcome.measurements)
-            self._acquisition.monitors[outcome.sensor].accept(t_ns, measured)
+            self.wire.readable += 1
+            measured = False
             for measurement in outcome.measurements:
+                measured = measured or not isinstance(measurement, COMPANIONS)
                 self._acquisition.take(measurement, t_ns)
+            self._acquisition.monitors[outcome.sensor].accept(t_ns, measured)
         elif isinstance(outcome, Rejected):
+            if outcome.reason in DAMAGE:
+                self.wire.damaged += 1
+            else:
+                self.wire.readable += 1
             # A line that names no sensor counts for every sensor of the port: each of them may have sent it.
             for monitor in self.monitors:
                 if outcome.sensor in (None, monitor.table.id):
                     monitor.reject(outcome.reason)
+        elif outcome.kind != "text":  # what a wrong baud rate makes of a line may happen to be printable
+            self.wire.readable += 1
 
     def _cut(self, count: int, t_ns: int) -> None:
         self.splitter.note_cut()
-        for monitor in self.monitors:
-            monitor.discarded_bytes += count
+        self.wire.discarded_bytes += count
         if self._flood_ns is None:
             self._mark_flood(True, t_ns)
         self._flood_ns = t_ns
 
     def _mark_flood(self, flooded: bool, t_ns: int) -> None:
-        for monitor in self.monitors:
-            monitor.flooded = flooded
+        self.wire.flooded = flooded
         code = "port-flooded" if flooded else "port-calm"
         budget = self._budget.bytes_per_s
         self._acquisition.happened(event(code, t_ns, self.table.name, port=self.table.name, budget=budget))
@@ -166,7 +206,8 @@ class Acquisition:
         self.config = config
         self.identity = identity
         self.framer = Framer(identity, [sensor.id for sensor in config.with_role("imu")], t0_ns)
-        self.monitors = {sensor.id: SensorMonitor(sensor, now_ns) for sensor in config.sensor}
+        self.wires = {table.name: Wire() for table in config.port}
+        self.monitors = {sensor.id: SensorMonitor(sensor, now_ns, self.wires[sensor.port]) for sensor in config.sensor}
         self.clock_map = ClockMap()
         self.chains = [PortChain(self, table) for table in config.port]
         self._tell = tell

@@ -1,9 +1,15 @@
 """Health of each sensor from its line counts and the state of its port: delivering, silent or missing.
 
 Pure: told of every outcome and of every port change, asked at each tick.
+
+Three limits on silence. The state turns `silent` at stale-after, which follows the configured rate. The event waits for
+five learned periods too, so that a sensor slower than its configuration is no line of the log for each sample. The
+port is opened anew at the same limit, then after ever longer pauses: opening resets an Arduino, which needs seconds
+to boot and would never come up.
 """
 
-from collections import deque
+from collections import Counter, deque
+from dataclasses import dataclass
 from typing import Final
 
 from common.events import event
@@ -12,29 +18,93 @@ from common.sensors import ROLES, SensorTable, stale_after_s
 from common.units import NS_PER_S
 
 REPORT_NS: Final = NS_PER_S
-RATE_WINDOW_NS: Final = 5 * NS_PER_S
+RATE_WINDOW_REPORTS: Final = 5
+QUIET_NS: Final = 30 * NS_PER_S
+"""After this an event sensor's reason says for how long it has been quiet."""
+HINT_NS: Final = 10 * NS_PER_S
+LONGEST_REOPEN_PAUSE_NS: Final = 60 * NS_PER_S
+MAX_REASON: Final = 256
+
+_BEAT_NS: Final = 3 * NS_PER_S // 5
+"""Lines closer together than this are one beat: five of them are within the least limit of 3 s."""
+_BEATS: Final = 8
+_LONGEST_PERIOD_NS: Final = 60 * NS_PER_S
+"""A longer gap is an outage, nobody's period, unless the configuration says so."""
+
+
+@dataclass(slots=True)
+class Wire:
+    """What one port's bytes were like since start, whoever they were for. Shared by the sensors of the port."""
+
+    heard_bytes: int = 0
+    discarded_bytes: int = 0
+    """Over the byte budget."""
+    readable: int = 0
+    """Lines that came whole, of any sensor, usable or not."""
+    damaged: int = 0
+    """Lines that came damaged (checksum, no text, cut, too long)."""
+    flooded: bool = False
+    damage: str | None = None
+    """In words, while a notable share of the lines is damaged."""
+
+
+class Rhythm:
+    """Learns the period of lines that come in bursts: the mean distance of the last beats."""
+
+    def __init__(self, longest_ns: int) -> None:
+        self._longest_ns = max(longest_ns, _LONGEST_PERIOD_NS)
+        self._beats: deque[int] = deque(maxlen=_BEATS + 1)
+        self._last_ns: int | None = None
+
+    def line(self, t_ns: int) -> None:
+        """A good line came."""
+        last_ns = self._last_ns
+        if last_ns is not None and 0 <= t_ns - last_ns < _BEAT_NS:
+            return
+        if last_ns is not None and not 0 <= t_ns - last_ns <= self._longest_ns:
+            self._beats.clear()
+        self._beats.append(t_ns)
+        self._last_ns = t_ns
+
+    def forget(self) -> None:
+        """The port was lost: what comes back may be another device."""
+        self._beats.clear()
+        self._last_ns = None
+
+    @property
+    def period_ns(self) -> int | None:
+        """Mean distance of the beats; `None` before the second."""
+        if len(self._beats) < 2:
+            return None
+        return (self._beats[-1] - self._beats[0]) // (len(self._beats) - 1)
 
 
 class SensorMonitor:
     """One sensor. Event sensors (AIS, radar) are delivering as long as their port is open."""
 
-    def __init__(self, table: SensorTable, started_ns: int) -> None:
+    def __init__(self, table: SensorTable, started_ns: int, wire: Wire | None = None) -> None:
+        """Wire: of the sensor's port."""
         self.table = table
-        self.rejected: dict[str, int] = {}
+        self.wire = Wire() if wire is None else wire
+        self.rejected: Counter[str] = Counter()
         self.accepted = 0
-        self.heard_bytes = 0
-        """Bytes that came in on the sensor's port, readable or not."""
-        self.flooded = False
-        self.discarded_bytes = 0
+        self.hint: str | None = None
+        """Whose lines come instead of this sensor's, in words (`PortChain`)."""
         self.periodic = ROLES[table.role].periodic
         self._stale_ns = int(min(stale_after_s(table.role, table.rate_hz), 1e9) * NS_PER_S)
-        self._started_ns = started_ns
+        self._rhythm = Rhythm(self._stale_ns)
+        self._measured = 0
+        self._marks = deque([(started_ns, 0)], maxlen=RATE_WINDOW_REPORTS + 1)
+        """(time, measurements until then) of the last reports."""
         self._last_good_ns: int | None = None
-        self._heard_at_good = self._bad_at_good = 0
-        self._silence_told = False
+        self._good_seen = 0
+        self._heard_then = self._readable_then = 0
+        self._rejected_then: Counter[str] = Counter()
+        self._silence_told = self._delivery_told = False
         self._since_ns = self._opened_ns = started_ns
         """From when silence is counted: start or the port's last opening."""
-        self._recent: deque[int] = deque(maxlen=4096)
+        self._reopened = 0
+        self._hint_ns = started_ns
         self._port_reason: str | None = "not opened yet"
         self._state: str | None = None
         self._reported_ns = 0
@@ -42,89 +112,205 @@ class SensorMonitor:
     def accept(self, t_ns: int, measured: bool) -> None:
         """A good line at `t_ns`; measured = it completed a measurement (a fix, a sample, a heading)."""
         self.accepted += 1
+        self._measured += measured
         self._last_good_ns = t_ns
-        self._heard_at_good = self.heard_bytes
-        self._bad_at_good = sum(self.rejected.values())
-        if measured:
-            self._recent.append(t_ns)
+        self._rhythm.line(t_ns)
 
-    def measured(self, t_ns: int) -> None:
-        """A measurement that became due without a line of its own (end of a GPS epoch)."""
-        self._recent.append(t_ns)
+    def measured(self) -> None:
+        """A measurement became due without a line of its own (end of a GPS epoch)."""
+        self._measured += 1
 
     def reject(self, reason: str) -> None:
         """A bad line of this sensor."""
-        self.rejected[reason] = self.rejected.get(reason, 0) + 1
+        self.rejected[reason] += 1
 
     def port_changed(self, reason: str | None, t_ns: int) -> None:
         """The port opened (None) or was lost."""
-        if reason is None and self._port_reason is not None:
+        if reason is None:
             self._opened_ns = t_ns
+        else:
+            self._rhythm.forget()
+            self._silence_told = self._delivery_told = False
+        self.hint, self._reopened, self._hint_ns = None, 0, t_ns
         self._port_reason = reason
         self._since_ns = t_ns
 
+    def reopening(self, t_ns: int) -> None:
+        """The open port is being closed and opened because of the silence, which goes on."""
+        self._reopened += 1
+        self._since_ns = t_ns
+
     def state(self, now_ns: int) -> tuple[str, str | None]:
-        """State (delivering, silent or missing) and its reason."""
+        """State (delivering, silent or missing) and its reason, in words of at most 256 characters."""
+        state, reason = self._judged(now_ns)
+        return state, None if reason is None else reason[:MAX_REASON]
+
+    def _judged(self, now_ns: int) -> tuple[str, str | None]:
         if self._port_reason is not None:
             return "missing", self._port_reason
         if not self.periodic:
-            return "delivering", None
+            return "delivering", self._quiet(now_ns) or self.wire.damage
         if self._last_good_ns is not None and now_ns - self._last_good_ns <= self._stale_ns:
-            return "delivering", None
+            return "delivering", self.wire.damage
         return "silent", self._why_silent(now_ns)
 
+    def _quiet(self, now_ns: int) -> str | None:
+        quiet_ns = now_ns - max(self._last_good_ns or 0, self._opened_ns)
+        if quiet_ns < QUIET_NS:
+            return None
+        text = f"quiet for {quiet_ns // NS_PER_S} s"
+        return text if self.wire.heard_bytes == self._heard_then else f"{text}; {self._instead()}"
+
     def _why_silent(self, now_ns: int) -> str:
-        if self.heard_bytes == self._heard_at_good:
-            if self._last_good_ns is None:
-                return "nothing received yet"
-            return f"nothing received for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
-        bad = sum(self.rejected.values()) - self._bad_at_good
-        count = self.heard_bytes - self._heard_at_good
-        return f"{count} bytes came, no line of this sensor, {bad} bad ones; wrong baud rate, wrong port or talker?"
+        if self.wire.heard_bytes != self._heard_then:
+            return self._instead()
+        if self._last_good_ns is None:
+            return "nothing received yet"
+        text = f"nothing received for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
+        period_ns = self._rhythm.period_ns
+        if period_ns is None or 5 * period_ns <= self._stale_ns:
+            return text
+        return f"{text}; it sends every {period_ns / NS_PER_S:.3g} s, slower than configured"
+
+    def _instead(self) -> str:
+        """What came in place of this sensor's lines."""
+        if self.hint is not None:
+            return self.hint
+        count = self.wire.heard_bytes - self._heard_then
+        bad = self.rejected - self._rejected_then
+        if self.wire.readable == self._readable_then and 2 * bad["not-ascii"] >= bad.total():
+            return f"{count} bytes came, none readable: wrong baud rate?"
+        if bad:
+            reasons = ", ".join(f"{reason} {number}" for reason, number in bad.most_common(4))
+            return f"{bad.total()} bad lines came, no good one: {reasons}"
+        return f"{count} bytes came, no line of this sensor: wrong port or talker?"
+
+    def limit_ns(self) -> int:
+        """How long a silence may be before it is told and the port is opened anew."""
+        return max(self._stale_ns, 5 * (self._rhythm.period_ns or 0))
 
     def overdue(self, now_ns: int) -> bool:
         """True when the open port has been silent so long that it should be reopened."""
-        last = max(self._since_ns, self._last_good_ns or 0)
-        return self.periodic and self._port_reason is None and now_ns - last > self._stale_ns
+        if not self.periodic or self._port_reason is not None:
+            return False
+        last_ns = max(self._since_ns, self._last_good_ns or 0)
+        limit_ns = self.limit_ns()
+        pause_ns = min(limit_ns << min(self._reopened, 8), max(limit_ns, LONGEST_REOPEN_PAUSE_NS))
+        return now_ns - last_ns > pause_ns
+
+    def wants_hint(self, now_ns: int) -> bool:
+        """True now and then while other bytes come and none of this sensor's lines: set `hint`."""
+        if self._port_reason is not None or self.wire.heard_bytes == self._heard_then or now_ns < self._hint_ns:
+            return False
+        quiet_ns = now_ns - max(self._last_good_ns or 0, self._opened_ns)
+        if quiet_ns <= (self._stale_ns if self.periodic else QUIET_NS):
+            return False
+        self._hint_ns = now_ns + HINT_NS
+        return True
 
     def report(self, now_ns: int) -> tuple[SensorHealth | None, Event | None]:
         """Health when due (once a second, and on every change of state), and the event of a change."""
+        if self.accepted != self._good_seen:
+            self._note_good()
         state, reason = self.state(now_ns)
         changed = state != self._state
-        happening = self._silence_event(state, reason, now_ns)
+        happening = self._happening(state, reason, now_ns)
         if not changed and happening is None and now_ns - self._reported_ns < REPORT_NS:
             return None, None
-        if changed and state == "delivering" and self.periodic:
-            happening = event("sensor-delivering", now_ns, self.table.id, sensor=self.table.id)
         self._state, self._reported_ns = state, now_ns
         return self._health(state, reason, now_ns), happening
 
-    def _silence_event(self, state: str, reason: str | None, now_ns: int) -> Event | None:
-        """Once for each silence longer than the limit, counted from the last good line or the port's opening."""
-        if state != "silent":
-            self._silence_told = False
+    def _note_good(self) -> None:
+        """Good lines came since the last report: from here on it is counted what came instead."""
+        self._good_seen = self.accepted
+        self._heard_then, self._readable_then = self.wire.heard_bytes, self.wire.readable
+        self._rejected_then = self.rejected.copy()
+        self._reopened, self.hint = 0, None
+
+    def _happening(self, state: str, reason: str | None, now_ns: int) -> Event | None:
+        """One event for each silence longer than the limit, and one for its end or the port's return."""
+        if not self.periodic:
             return None
-        since_ns = max(self._last_good_ns or 0, self._opened_ns)
-        if self._silence_told or now_ns - since_ns <= self._stale_ns:
-            return None
-        self._silence_told = True
-        age_s = round((now_ns - since_ns) / NS_PER_S)
         sensor = self.table.id
+        if state == "delivering" and not self._delivery_told:
+            self._silence_told, self._delivery_told = False, True
+            return event("sensor-delivering", now_ns, sensor, sensor=sensor)
+        since_ns = max(self._last_good_ns or 0, self._opened_ns)
+        if state != "silent" or self._silence_told or now_ns - since_ns <= self.limit_ns():
+            return None
+        self._silence_told, self._delivery_told = True, False
+        age_s = round((now_ns - since_ns) / NS_PER_S)
         return event("sensor-silent", now_ns, sensor, sensor=sensor, age_s=age_s, reason=reason)
 
     def _health(self, state: str, reason: str | None, now_ns: int) -> SensorHealth:
-        while self._recent and self._recent[0] < now_ns - RATE_WINDOW_NS:
-            self._recent.popleft()
-        span_ns = min(RATE_WINDOW_NS, max(now_ns - self._started_ns, NS_PER_S))
+        begin_ns, before = self._marks[0]
+        span_ns = max(now_ns - begin_ns, NS_PER_S)
+        if now_ns - self._marks[-1][0] >= REPORT_NS:
+            self._marks.append((now_ns, self._measured))
         return SensorHealth(
             sensor=self.table.id,
             t_ns=now_ns,
             state=state,
             reason=reason,
             last_good_t_ns=self._last_good_ns,
-            rate_hz=len(self._recent) / (span_ns / NS_PER_S),
-            flooded=self.flooded,
+            rate_hz=(self._measured - before) / (span_ns / NS_PER_S),
+            flooded=self.wire.flooded,
             accepted=self.accepted,
             rejected=dict(self.rejected),
-            discarded_bytes=self.discarded_bytes,
+            discarded_bytes=self.wire.discarded_bytes,
         )
+
+
+WINDOW_NS: Final = 10 * NS_PER_S
+CONFIRM_NS: Final = 4 * NS_PER_S
+"""Longer than the shortest silence limit: where no good line comes any more, the silence is told and not the damage."""
+BAD_SHARE: Final = 0.2
+CLEAN_SHARE: Final = 0.05
+LEAST_BAD: Final = 5
+
+
+class DamageWatch:
+    """Says when more than one line in five of a port comes damaged, and when that is over (hysteresis)."""
+
+    def __init__(self, wire: Wire, periodic: bool) -> None:
+        """Periodic: a silence of the port would be told by its sensors."""
+        self._wire = wire
+        self._periodic = periodic
+        self._marks: deque[tuple[int, int, int]] = deque()
+        self._since: tuple[int, int] | None = None
+        self._told = False
+
+    def reset(self) -> None:
+        """The port was lost or opened: what was before does not count any more."""
+        self._marks.clear()
+        self._since, self._told, self._wire.damage = None, False, None
+
+    def look(self, now_ns: int) -> tuple[str, int, int] | None:
+        """At each tick: the code of an event that is due now, the damaged and all lines of the window."""
+        if self._marks and now_ns - self._marks[-1][0] < NS_PER_S:
+            return None
+        wire = self._wire
+        self._marks.append((now_ns, wire.readable, wire.damaged))
+        while self._marks[0][0] < now_ns - WINDOW_NS:
+            self._marks.popleft()
+        begin_ns, readable, damaged = self._marks[0]
+        bad = wire.damaged - damaged
+        count = bad + wire.readable - readable
+        if self._told:
+            wire.damage = _share(bad, count)
+            if count == 0 or now_ns - begin_ns < WINDOW_NS - NS_PER_S or bad > CLEAN_SHARE * count:
+                return None
+            self._told, wire.damage = False, None
+            return "lines-clean", bad, count
+        if bad < LEAST_BAD or bad <= BAD_SHARE * count:
+            self._since = None
+            return None
+        since_ns, readable_then = self._since = self._since or (now_ns, wire.readable)
+        if now_ns - since_ns < CONFIRM_NS or (self._periodic and wire.readable == readable_then):
+            return None
+        self._since, self._told, wire.damage = None, True, _share(bad, count)
+        return "lines-damaged", bad, count
+
+
+def _share(bad: int, count: int) -> str | None:
+    return f"{bad} of {count} lines damaged: loose plug, wrong baud rate or a second reader?" if bad else None

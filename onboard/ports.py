@@ -9,6 +9,7 @@ Opening runs in a thread of its own with a deadline: a driver may block in it.
 import asyncio
 import contextlib
 import errno
+import fcntl
 import logging
 import os
 import termios
@@ -58,10 +59,21 @@ def _number(error: BaseException | None) -> int | None:
 
 
 def open_serial(table: PortTable) -> Any:
-    """Open a port raw, non-blocking, exclusive, old bytes thrown away; raises OSError, ValueError or termios.error."""
+    """Open a port raw, non-blocking, exclusive, old bytes thrown away; raises OSError, ValueError or termios.error.
+
+    pyserial's lock is advisory (flock): gpsd or ModemManager do not ask for it and would take every other byte.
+    TIOCEXCL makes their opening fail, unless they run as root; who reads already is not stopped by either.
+    """
     device = serial.Serial(table.path, table.baud, timeout=0, exclusive=True)
+    if not os.path.realpath(table.path).startswith("/dev/pts/"):  # its other end would keep the mark of a killed daemon
+        _share(device, alone=True)
     device.reset_input_buffer()
     return device
+
+
+def _share(device: Any, *, alone: bool) -> None:
+    with contextlib.suppress(OSError, termios.error):
+        fcntl.ioctl(device.fileno(), termios.TIOCEXCL if alone else termios.TIOCNXCL)
 
 
 OPEN_ERRORS: Final = (OSError, ValueError, termios.error)  # SerialException is an OSError
@@ -159,6 +171,7 @@ class Port:
     def _close(self) -> None:
         device, self._device = self._device, None
         if device is not None:
+            _share(device, alone=False)  # or we could not open it again while somebody else has it open
             with contextlib.suppress(*OPEN_ERRORS):
                 device.close()
 

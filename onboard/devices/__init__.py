@@ -6,7 +6,7 @@ opens anything.
 
 from onboard.devices.base import Accepted, Driver, Ignored, ImuSample, Line, Measurement, Outcome, Rejected
 from onboard.devices.port_decoder import PortDecoder
-from onboard.devices.registry import MODELS, make_driver
+from onboard.devices.registry import MODELS, make_driver, recognised
 
 __all__ = [
     "MODELS",
@@ -20,4 +20,5 @@ __all__ = [
     "PortDecoder",
     "Rejected",
     "make_driver",
+    "recognised",
 ]

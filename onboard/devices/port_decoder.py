@@ -1,10 +1,18 @@
 """All sensors of one port: each line goes to the first driver, in file order, that claims it."""
 
+import logging
 import re
+from collections import deque
 from collections.abc import Sequence
+from typing import Final
 
 from onboard.devices.base import Driver, Ignored, Line, Measurement, Outcome, Rejected
-from onboard.devices.sentence import address, check_sentence
+from onboard.devices.sentence import address, check_sentence, sentence_of
+
+log = logging.getLogger(__name__)
+
+KEPT: Final = 12
+"""Unclaimed lines kept to tell whose they are."""
 
 _PRINTABLE = re.compile(rb"[\t -~]*")
 _CHECKSUM_AT_END = re.compile(rb".*\*[0-9A-Fa-f]{2}")
@@ -16,13 +24,31 @@ class PortDecoder:
     def __init__(self, drivers: Sequence[Driver]) -> None:
         """Drivers in the order of the configuration file."""
         self.drivers = tuple(drivers)
+        self.unclaimed: deque[Line] = deque(maxlen=KEPT)
+        """The last lines that no sensor of the port claimed."""
+        self._faults_told: set[str] = set()
 
     def feed(self, line: Line) -> Outcome:
-        """What became of the line: every line is accepted, rejected or ignored, never lost. Never raises."""
+        """What became of the line: every line is accepted, rejected or ignored, never lost. Never raises.
+
+        A fault of ours in a driver is the reason `driver-fault`, told once for each sensor in the log: the other lines
+        and ports go on.
+        """
         for driver in self.drivers:
             if driver.claims(line):
-                return driver.feed(line)
+                try:
+                    return driver.feed(line)
+                except Exception as error:
+                    return self._fault(driver, line, error)
+        self.unclaimed.append(line)
         return _unclaimed(line.data)
+
+    def _fault(self, driver: Driver, line: Line, error: Exception) -> Rejected:
+        if driver.sensor not in self._faults_told:
+            self._faults_told.add(driver.sensor)
+            text = "the driver of %s failed on %r; report this line"
+            log.error(text, driver.sensor, line.data, exc_info=error)
+        return Rejected("driver-fault", driver.sensor)
 
     def flush(self, now_ns: int) -> tuple[Measurement, ...]:
         """What all drivers have due at `now_ns`: give `LineSplitter.complete_until(now)`, see `Driver.flush`."""
@@ -31,6 +57,7 @@ class PortDecoder:
 
 def _unclaimed(data: bytes) -> Outcome:
     """Ignored with a kind from a small set (counters are kept by it), or rejected for no sensor."""
+    data = sentence_of(data)
     if not _PRINTABLE.fullmatch(data):
         return Rejected("not-ascii")
     if data[:1] not in (b"$", b"!"):

@@ -1,7 +1,13 @@
-from common.messages import SensorHealth
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.messages import SENSOR_STATES, SensorHealth
 from common.sensors import SensorTable
 from common.units import NS_PER_S
-from onboard.health import SensorMonitor
+from onboard.health import DamageWatch, SensorMonitor, Wire
 
 
 def monitor(role: str = "compass", **more: object) -> SensorMonitor:
@@ -52,20 +58,22 @@ def test_stale_after_follows_the_configured_rate() -> None:
 def test_an_event_sensor_is_never_silent() -> None:
     ais = monitor("ais")
     ais.port_changed(None, 0)
-    assert ais.state(10_000 * NS_PER_S) == ("delivering", None)
+    assert ais.state(29 * NS_PER_S) == ("delivering", None)
+    assert ais.state(10_000 * NS_PER_S) == ("delivering", "quiet for 10000 s")
     assert not ais.overdue(10_000 * NS_PER_S)
 
 
 def test_bad_lines_are_counted_by_reason_and_named_while_nothing_is_readable() -> None:
     watched = monitor()
     watched.port_changed(None, 0)
-    watched.heard_bytes += 90
+    watched.wire.heard_bytes += 90
+    watched.wire.readable += 1
     for reason in ("checksum", "checksum", "range"):
         watched.reject(reason)
     health = report(watched, 1)
     assert health.rejected == {"checksum": 2, "range": 1}
     assert health.reason is not None
-    assert health.reason.startswith("90 bytes came, no line of this sensor, 3 bad ones")
+    assert health.reason == "3 bad lines came, no good one: checksum 2, range 1"
 
 
 def test_a_sensor_that_never_delivers_is_told_once_with_what_is_known_of_it() -> None:
@@ -103,8 +111,117 @@ def test_the_rate_is_right_from_the_first_second() -> None:
 def test_rate_is_of_measurements_not_of_lines() -> None:
     watched = monitor("gps")
     watched.port_changed(None, 0)
-    for k in range(30):  # three sentences a second, one fix a second
-        watched.accept(k * NS_PER_S // 3, False)
-    for k in range(10):
-        watched.measured(k * NS_PER_S)
-    assert report(watched, 9.5).rate_hz == 1.0
+    health = None
+    for k in range(1, 11):  # three sentences a second, one fix a second
+        for third in range(3):
+            watched.accept((3 * k + third) * NS_PER_S // 3, False)
+        watched.measured()
+        health = report(watched, k)
+    assert health is not None
+    assert health.rate_hz == 1.0
+
+
+def beat(watched: SensorMonitor, times_s: list[int]) -> None:
+    """Good lines at these seconds, asked ten times a second in between as the daemon does."""
+    for begin_s, end_s in pairwise(times_s):
+        watched.accept(begin_s * NS_PER_S, True)
+        for k in range(10 * begin_s, 10 * end_s):
+            watched.report(k * NS_PER_S // 10)
+    watched.accept(times_s[-1] * NS_PER_S, True)
+
+
+def test_a_sensor_slower_than_configured_is_not_reopened_for_ever() -> None:
+    slow = monitor(rate_hz=10)
+    slow.port_changed(None, 0)
+    beat(slow, list(range(10, 100, 10)))
+    # It sends every 10 s: five of these are its limit now, and not the 3 s of a 10 Hz compass.
+    assert not slow.overdue((90 + 49) * NS_PER_S)
+    assert slow.overdue((90 + 51) * NS_PER_S)
+    assert "sends every 10 s, slower than configured" in str(slow.state((90 + 20) * NS_PER_S)[1])
+
+
+def test_pauses_between_silent_reopenings_grow() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    reopened_s = []
+    for k in range(3000):
+        now_ns = k * NS_PER_S // 10
+        if watched.overdue(now_ns):
+            reopened_s.append(k / 10)
+            watched.reopening(now_ns)
+    pauses_s = [after - before for before, after in pairwise([0.0, *reopened_s])]
+    assert pauses_s[:4] == pytest.approx([3.1, 6.1, 12.1, 24.1])
+    assert max(pauses_s) <= 60.2
+
+
+def test_wrong_baud_rate_is_named() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    watched.wire.heard_bytes += 500
+    watched.wire.damaged += 5
+    for _ in range(5):
+        watched.reject("not-ascii")
+    assert watched.state(NS_PER_S)[1] == "500 bytes came, none readable: wrong baud rate?"
+
+
+def damage_events(shares: list[tuple[int, int]]) -> list[str]:
+    """Codes told when in each second so many lines come whole and so many damaged."""
+    wire = Wire()
+    watch = DamageWatch(wire, periodic=True)
+    codes = []
+    for second, (whole, bad) in enumerate(shares):
+        wire.readable += whole
+        wire.damaged += bad
+        if (found := watch.look(second * NS_PER_S)) is not None:
+            codes.append(found[0])
+    return codes
+
+
+def test_damaged_lines_are_told_once_and_their_end_once() -> None:
+    thief = [(10, 0)] * 20 + [(6, 4)] * 60 + [(10, 0)] * 30
+    assert damage_events(thief) == ["lines-damaged", "lines-clean"]
+
+
+def test_a_few_damaged_lines_are_no_event() -> None:
+    assert damage_events([(10, 1)] * 100) == []
+    assert damage_events([(10, 0)] * 20 + [(0, 10)] * 2 + [(10, 0)] * 20) == []
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["accept", "reject", "open", "lose", "reopen", "bytes", "wait"]), st.integers(0, 20_000)
+        ),
+        max_size=60,
+    ),
+    st.sampled_from(["gps", "compass", "imu", "ais", "radar"]),
+)
+def test_any_story_gives_one_of_three_states_and_no_more_silences_told_than_ended(
+    story: list[tuple[str, int]], role: str
+) -> None:
+    watched, now_ns, codes = monitor(role), 0, []
+    for what, pause_ms in story:
+        now_ns += pause_ms * NS_PER_S // 1000
+        match what:
+            case "accept":
+                watched.accept(now_ns, True)
+            case "reject":
+                watched.reject("checksum")
+            case "open":
+                watched.port_changed(None, now_ns)
+            case "lose":
+                watched.port_changed("the device is gone", now_ns)
+            case "reopen":
+                watched.reopening(now_ns)
+            case "bytes":
+                watched.wire.heard_bytes += 10
+        health, happening = watched.report(now_ns)
+        codes += [] if happening is None else [happening.code]
+        state, reason = watched.state(now_ns)
+        assert state in SENSOR_STATES
+        assert health is None or health.state == state
+        assert len(reason or "") <= 256
+        assert state != "silent" or reason
+    silences = [code for code in codes if code == "sensor-silent"]
+    assert len(silences) <= 1 + sum(what in ("accept", "lose") for what, _ in story)
+    assert role not in ("ais", "radar") or not codes

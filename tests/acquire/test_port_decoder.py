@@ -5,7 +5,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import WayfixError
-from onboard.devices import Accepted, Ignored, Outcome, PortDecoder, Rejected, make_driver
+from onboard.devices import (
+    Accepted,
+    Ignored,
+    Line,
+    Measurement,
+    Outcome,
+    PortDecoder,
+    Rejected,
+    make_driver,
+    recognised,
+)
 from tests.acquire.sentences import ARDUIMU, GGA, compass, fixes, gps, imu, line, sealed
 
 
@@ -81,5 +91,34 @@ def test_right_checksum_over_any_fields_never_raises(fields: str, address: str) 
 def test_an_unknown_model_is_told_with_the_known_ones() -> None:
     with pytest.raises(WayfixError, match=r'role "imu" with model "mpu".*known: "arduimu"'):
         make_driver(imu(model="mpu"))
-    with pytest.raises(WayfixError, match="gps nmea, compass nmea"):
+    with pytest.raises(WayfixError, match=r'role "gyro" with model "nmea".*known: "tinkerkit"'):
         make_driver(gps(id="gyro1", role="gyro"))
+
+
+def test_lines_of_another_model_are_recognised() -> None:
+    port = decoder()
+    for data in (b"$C309.8P4.0R-2.9T25.1*03", b"$C310.2P4.2R-2.6T25.1*0C"):
+        assert isinstance(port.feed(line(data)), Ignored)
+    assert recognised(port.unclaimed) == "compass tcm2"
+    assert recognised([line(b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A")]) == "ais nmea"
+    assert recognised([line(b"hello"), line(b"\xff\xfe")]) is None
+
+
+def test_a_fault_of_ours_costs_its_line_only_and_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    class Broken:
+        sensor = "gps1"
+
+        def claims(self, line: Line) -> bool:
+            return line.data.startswith(b"$GP")
+
+        def feed(self, line: Line) -> Outcome:
+            raise ZeroDivisionError
+
+        def flush(self, now_ns: int) -> tuple[Measurement, ...]:
+            return ()
+
+    port = PortDecoder([Broken(), make_driver(compass())])
+    assert [port.feed(line(GGA)) for _ in range(3)] == [Rejected("driver-fault", "gps1")] * 3
+    assert isinstance(port.feed(line(sealed("HCHDG,123.4,,,,"))), Accepted)
+    assert len(caplog.records) == 1
+    assert "GPGGA" in caplog.text
