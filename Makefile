@@ -7,13 +7,14 @@ BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
 FAST := -m "not slow"
 
-.PHONY: demo test test-slow soak loopback lint check-python clean help
+.PHONY: demo test test-slow soak nightly loopback lint check-python clean help
 
 help:
 	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
 	@echo "make test       lint, types, import rules and the fast tests"
-	@echo "make test-slow  whole runs, link faults, statistics"
+	@echo "make test-slow  whole runs, link faults, statistics, Debian 12's own libraries, a real systemd"
 	@echo "make soak       hours, by hand; figures go to benchmarks/"
+	@echo "make nightly    the daemon on emulated ARM (armhf, arm64) with Debian's packages; as root"
 	@echo "make loopback   fake serial ports -> daemon -> socket -> filter -> log"
 
 check-python:
@@ -50,6 +51,9 @@ loopback: $(VENV)/dev.stamp
 
 soak: $(VENV)/dev.stamp
 	$(BIN)/python -m benchmarks.daemon_load --seconds 3600
+
+nightly: $(VENV)/run.stamp
+	tests/arm/smoke.sh $(BIN)/pip
 
 clean:
 	rm -rf $(VENV) demo-out .mypy_cache .ruff_cache .pytest_cache .hypothesis

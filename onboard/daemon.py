@@ -11,11 +11,13 @@ from typing import Any, Final
 
 from common.clock import BoatClock, machine_clock_id
 from common.events import event, line_of
-from common.messages import Event
+from common.messages import Event, Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S, NS_PER_US
 from onboard.acquisition import Acquisition, PortChain
+from onboard.alive import AliveMark
 from onboard.framer import Identity
+from onboard.notify import Notifier
 from onboard.ports import Port
 from onboard.server import Server
 
@@ -54,10 +56,24 @@ def next_start_no(state_dir: Path | None) -> tuple[int, str | None]:
     return number, fault
 
 
+def status_text(boat_id: str, delivering: int, sensors: int, clients: int) -> str:
+    """How the boat is, for `systemctl status`."""
+    plural = "" if clients == 1 else "s"
+    return f"boat {boat_id}, {delivering} of {sensors} sensors deliver, {clients} client{plural}"
+
+
 class Daemon:
     """Owns everything that lives between start and SIGTERM."""
 
-    def __init__(self, config: BoatConfig, clock: BoatClock, state_dir: Path | None = None) -> None:
+    def __init__(
+        self,
+        config: BoatConfig,
+        clock: BoatClock,
+        state_dir: Path | None = None,
+        runtime_dir: Path | None = None,
+        notifier: Notifier | None = None,
+    ) -> None:
+        """state_dir keeps the start counter, runtime_dir (in memory) the mark of a run that still lives."""
         self.config = config
         self.clock = clock
         self.period_ns = round(NS_PER_S / config.frames.rate_hz)
@@ -68,7 +84,12 @@ class Daemon:
         self.acquisition = Acquisition(config, identity, self._next_tick_ns - self.period_ns, now_ns, _log_event)
         self.happened = self.acquisition.happened
         self.ports = [self._port(chain) for chain in self.acquisition.chains]
-        self.server = Server(self._connected, self.period_ns, self.happened, clock.now_ns)
+        self.server = Server(self._connected, self.period_ns, self._link_event, clock.now_ns)
+        self._notifier = notifier or Notifier(None)
+        self._mark = AliveMark(runtime_dir, identity)
+        self.parts: list[Callable[[], bool]] = []
+        """Each says whether it lives; the watchdog is fed only while all do."""
+        self._clients = 0
         self._stop = asyncio.Event()
         self._stop_reason = ""
 
@@ -87,16 +108,20 @@ class Daemon:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         self.happened(event("daemon-started", self.clock.now_ns(), "daemon", sensors=len(self.config.sensor)))
+        self._tell_gap()
         if self._state_fault is not None:
             self.happened(event("state-unusable", self.clock.now_ns(), "daemon", reason=self._state_fault))
         workers = [asyncio.create_task(port.run()) for port in self.ports]
         workers += [asyncio.create_task(self.server.run()), asyncio.create_task(self._tick_for_ever())]
+        self.parts.append(lambda: not any(worker.done() for worker in workers))
         stopping = asyncio.create_task(self._stop.wait())
         try:
             tried = asyncio.create_task(self._all_tried())
             await asyncio.wait([tried, *workers, stopping], return_when=asyncio.FIRST_COMPLETED)
-            tried.cancel()
-            on_ready({"bind": endpoint, "boot_id": self.acquisition.identity.boot_id, "boat_id": self.config.boat.id})
+            if not tried.cancel():
+                identity = self.acquisition.identity
+                on_ready({"bind": endpoint, "boot_id": identity.boot_id, "boat_id": identity.boat_id})
+                self._notifier.ready()
             done, _ = await asyncio.wait([*workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             for task in done - {stopping}:
                 task.result()  # a worker never ends by itself: let its error out
@@ -111,8 +136,18 @@ class Daemon:
         for port in self.ports:
             await port.tried.wait()
 
+    def _tell_gap(self) -> None:
+        """An event when the former run died: nobody else tells how long there were no frames."""
+        first_ns = self._next_tick_ns - self.period_ns
+        gap = self._mark.former(first_ns)
+        if gap is not None:
+            gap_s = round(gap.gap_ns / NS_PER_S, 1)
+            now_ns = self.clock.now_ns()
+            self.happened(event("daemon-resumed", now_ns, "daemon", gap_s=gap_s, former_boot_id=gap.boot_id))
+
     async def _finish(self) -> None:
         """The last, shorter frame and `end` to every client."""
+        self._notifier.stopping()
         now_ns = self.clock.now_ns()
         self.happened(event("daemon-stopping", now_ns, "daemon", reason=self._stop_reason or "error"))
         for chain in self.acquisition.chains:
@@ -121,6 +156,8 @@ class Daemon:
         self.server.end_all("the daemon stops")
         await self.server.drain(DRAIN_S)
         self.server.close()
+        if self._stop.is_set():
+            self._mark.goodbye()  # a run that ends by an error keeps its mark: frames will be missing too
 
     async def _tick_for_ever(self) -> None:
         """Frames on an absolute grid; a late tick is caught up frame by frame, only a long sleep is skipped."""
@@ -141,11 +178,27 @@ class Daemon:
             frame = self.acquisition.frame(self._next_tick_ns)
             self._next_tick_ns += self.period_ns
             self.server.publish(frame)
+            self._published(frame)
+
+    def _published(self, frame: Frame) -> None:
+        """Proof of life, given by the tick itself: a hanging loop or tick leaves the mark and the watchdog alone."""
+        self._mark.keep(frame.t1_ns)
+        if all(lives() for lives in self.parts):
+            self._notifier.watchdog()
+        if frame.t1_ns % NS_PER_S == 0:
+            states = [monitor.state(frame.t1_ns)[0] for monitor in self.acquisition.monitors.values()]
+            delivering = states.count("delivering")
+            self._notifier.status(status_text(self.config.boat.id, delivering, len(states), self._clients))
+
+    def _link_event(self, happening: Event) -> None:
+        self._clients += {"client-joined": 1, "client-left": -1}.get(happening.code, 0)
+        self.happened(happening)
 
     def _connected(self) -> dict[str, Any]:
         return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)
 
 
 def _log_event(happening: Event) -> None:
-    """Every event is one line in the log."""
-    log.log(_LOG_LEVELS[happening.level], "%s", line_of(happening))
+    """Every event is one line in the log, with fields where the log has some."""
+    fields = {"sensor": happening.source, "code": happening.code}
+    log.log(_LOG_LEVELS[happening.level], "%s", line_of(happening), extra=fields)

@@ -1,4 +1,4 @@
-"""`wayfix-onboard`: run the daemon, check a configuration, play a virtual boat."""
+"""`wayfix-onboard`: run the daemon, check a configuration, play a virtual boat, convert a recording."""
 
 import argparse
 import asyncio
@@ -16,22 +16,14 @@ from common.clock import BoatClock
 from common.command import number, run_command
 from common.errors import WayfixError
 from common.sensors import BoatConfig
-
-_PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
-
-
-class _JournalFormatter(logging.Formatter):
-    """`<N>` prefixes, which systemd strips and takes for the priority."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        return f"<{_PRIORITY.get(record.levelno, 6)}>{super().format(record)}"
+from onboard.notify import log_handler, notifier, program_name
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code (0 done, 1 the answer is no, 2 wrong input or environment)."""
     arguments = _parser().parse_args(argv)
     _set_up_logging(arguments.verbose)
-    return run_command("wayfix-onboard", "onboard", lambda: int(arguments.command(arguments)))
+    return run_command(program_name(os.environ), "onboard", lambda: int(arguments.command(arguments)))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -59,6 +51,20 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("config")
     check.set_defaults(command=_check)
 
+    convert = commands.add_parser("convert", help="a recording into a frames file", description=_convert.__doc__)
+    convert.add_argument("recording", metavar="IN", type=Path, help="raw recording of a serial port (NMEA and others)")
+    convert.add_argument("out", metavar="OUT", type=Path, help="frames file to write (docs/frames-file.md)")
+    convert.add_argument("--config", type=Path, metavar="BOAT.toml", help="whose sensors (default: those found in IN)")
+    convert.add_argument("--port", metavar="NAME", help="[[port]] of --config that IN is a recording of")
+    convert.add_argument(
+        "--lines-per-second",
+        type=number(float, 0.001, 100_000.0),
+        metavar="X",
+        help="pace of a recording without times inside (default: as fast as the baud rate)",
+    )
+    convert.add_argument("--json", action="store_true", help="the summary once more as the last line of stdout")
+    convert.set_defaults(command=_convert)
+
     virtual = commands.add_parser("virtual", help="a virtual boat on pseudo-terminals", description=_virtual.__doc__)
     from onboard.virtual.command import add_arguments
 
@@ -78,7 +84,10 @@ def _run(arguments: argparse.Namespace) -> int:
     clock = BoatClock(arguments.clock_rate, arguments.clock_start)
 
     async def run() -> None:
-        daemon = Daemon(config, clock, _state_dir(arguments.state))
+        state = arguments.state or _directory("STATE_DIRECTORY")
+        # The mark's times are compared with those of the run before: only the real boat clock goes on over a restart.
+        runtime = _directory("RUNTIME_DIRECTORY") if clock.rate == 1.0 else None
+        daemon = Daemon(config, clock, state, runtime, notifier(os.environ))
         if arguments.until_stdin_closes:
             _watch_stdin(lambda: daemon.stop("the parent process is gone"))
         await daemon.run(arguments.bind or config.link.bind, lambda ready: _say(ready=ready))
@@ -118,6 +127,23 @@ def _virtual(arguments: argparse.Namespace) -> int:
     return run(arguments)
 
 
+def _convert(arguments: argparse.Namespace) -> int:
+    """Run the daemon's decoders and framer over a recording, on the time inside its sentences."""
+    from onboard.convert import convert, words
+
+    summary = convert(
+        arguments.recording,
+        arguments.out,
+        config_file=arguments.config,
+        port=arguments.port,
+        lines_per_second=arguments.lines_per_second,
+    )
+    print("\n".join(words(summary)))
+    if arguments.json:
+        _say(**summary)
+    return 0
+
+
 def _refuse_fast_clock(config: BoatConfig) -> None:
     for port in config.port:
         if not os.path.realpath(port.path).startswith("/dev/pts/"):
@@ -125,11 +151,10 @@ def _refuse_fast_clock(config: BoatConfig) -> None:
             raise WayfixError(f"--clock-rate needs pseudo-terminals only, {port.name} is none", port.path, cure)
 
 
-def _state_dir(given: Path | None) -> Path | None:
-    if given is not None:
-        return given
-    from_systemd = os.environ.get("STATE_DIRECTORY")
-    return Path(from_systemd.split(":")[0]) if from_systemd else None
+def _directory(variable: str) -> Path | None:
+    """The first directory that systemd names in this variable."""
+    names = os.environ.get(variable)
+    return Path(names.split(":")[0]) if names else None
 
 
 def _watch_stdin(stop: Callable[[], None]) -> None:
@@ -151,8 +176,4 @@ def _say(**line: Any) -> None:
 
 
 def _set_up_logging(verbose: bool) -> None:
-    handler = logging.StreamHandler()
-    pattern = "wayfix-onboard: %(message)s"
-    in_journal = "JOURNAL_STREAM" in os.environ
-    handler.setFormatter(_JournalFormatter("%(message)s") if in_journal else logging.Formatter(pattern))
-    logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])
+    logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[log_handler(os.environ)])

@@ -1,27 +1,25 @@
-"""`wayfix-onboard virtual`: play a scenario or a recording through pseudo-terminals that a daemon can open."""
+"""`wayfix-onboard virtual`: play a scenario or a recording through pseudo-terminals that a daemon can open.
+
+Playing NMEA recordings (`player`) needs no numpy: a board can do it. Voyages need it.
+"""
 
 import argparse
 import json
 import math
 import sys
 import tempfile
-import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from common.clock import BoatClock
+from common.command import number
 from common.errors import WayfixError
-from common.units import NS_PER_MS, NS_PER_S
-from onboard.virtual.boat import PORTS, VirtualBoat, lines_of
+from common.units import NS_PER_MS
+from onboard.virtual.boat import LEAD_NS, VirtualBoat
 from onboard.virtual.console import Console
-from onboard.virtual.encoders import ArduImuEncoder, BoatEncoders, CompassEncoder, GpsEncoder
-
-if TYPE_CHECKING:
-    from common.simulation.voyage import Voyage
-
-LEAD_NS = NS_PER_S // 2
-"""Boat time from the start signal to t = 0, so that everybody can be ready for the first byte."""
+from onboard.virtual.source import Source
+from onboard.virtual.written import WRITTEN_BY, SentFile, config_text
 
 LINGER_S = 0.2
 """Before ports are closed at the end: hanging up throws away what the reader has not fetched yet."""
@@ -32,8 +30,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--scenario", metavar="NAME", help="scenario of the thesis (default 5.3)")
     source.add_argument("--recording", metavar="CSV", type=Path, help="play a column recording; needs --map")
+    source.add_argument(
+        "--nmea",
+        metavar="FILE",
+        type=Path,
+        action="append",
+        help="play a raw recording of a serial port as it was; give it again for more ports",
+    )
     source.add_argument("--list", action="store_true", help="list the scenarios and stop")
     parser.add_argument("--map", metavar="TOML", type=Path, help="which column of the recording is what")
+    parser.add_argument(
+        "--baud",
+        type=number(int, 300, 4_000_000),
+        help="of the ports of --nmea (default: the lowest from 4800 that carries the recording)",
+    )
+    parser.add_argument(
+        "--lines-per-second",
+        type=number(float, 0.001, 100_000.0),
+        metavar="X",
+        help="pace of an --nmea recording without times inside (default: as fast as --baud goes)",
+    )
+    parser.add_argument(
+        "--longest-gap",
+        type=number(float, 0.1, 1e6),
+        metavar="S",
+        help="shorten gaps of an --nmea recording to so many seconds",
+    )
     parser.add_argument("--seed", type=int, default=1, help="of all simulated noise (default 1)")
     parser.add_argument("--seconds", type=float, help="play only the beginning")
     parser.add_argument(
@@ -49,10 +71,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Play to the end, or until told to stop; 0 = done. Raises WayfixError for wrong input."""
-    try:
-        import numpy  # noqa: F401, ICN001 - only to say in one sentence that it is missing
-    except ModuleNotFoundError as error:
-        raise WayfixError("numpy is missing", "wayfix-onboard virtual", "pip install 'wayfix[shore]'") from error
     if args.list:
         return _list()
     for option, value in (("--clock-rate", args.clock_rate), ("--seconds", args.seconds)):
@@ -61,12 +79,12 @@ def run(args: argparse.Namespace) -> int:
     if args.seed < 0:
         raise WayfixError(f"must be >= 0, got {args.seed}", "--seed")
     with Console(watch_stdin=args.hold or args.until_stdin_closes) as console:
-        voyage = _voyage(args)
+        source = _source(args)
         directory = _directory(args.dir)
         try:
-            boat = VirtualBoat(directory, BoatClock(args.clock_rate, args.clock_start))
+            boat = VirtualBoat(directory, BoatClock(args.clock_rate, args.clock_start), tuple(source.bauds))
             try:
-                _play(args, voyage, boat, directory, console)
+                _play(args, source, boat, directory, console)
             finally:
                 boat.close()
         except BrokenPipeError:
@@ -78,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _list() -> int:
+    _need_numpy()
     from common.simulation.scenarios import SCENARIOS
 
     for name, scenario in SCENARIOS.items():
@@ -85,22 +104,48 @@ def _list() -> int:
     return 0
 
 
-def _voyage(args: argparse.Namespace) -> "Voyage":
-    """The readings and truth that the options ask for."""
+def _need_numpy() -> None:
+    try:
+        import numpy  # noqa: F401, ICN001 - only to say in one sentence that it is missing
+    except ModuleNotFoundError as error:
+        raise WayfixError("numpy is missing", "wayfix-onboard virtual", "pip install 'wayfix[shore]'") from error
+
+
+def _source(args: argparse.Namespace) -> Source:
+    """What the options ask for."""
+    if args.map is not None and args.recording is None:
+        raise WayfixError("belongs to a recording", "--map", "add --recording CSV")
+    if args.nmea is not None:
+        from onboard.virtual.player import Player
+
+        return Player(
+            args.nmea,
+            baud=args.baud,
+            lines_per_second=args.lines_per_second,
+            longest_gap_s=args.longest_gap,
+            seconds=args.seconds,
+        )
+    for option in ("baud", "lines_per_second", "longest_gap"):
+        if getattr(args, option) is not None:
+            raise WayfixError("belongs to a raw recording", f"--{option.replace('_', '-')}", "add --nmea FILE")
+    return _voyage_source(args)
+
+
+def _voyage_source(args: argparse.Namespace) -> Source:
+    _need_numpy()
     from common.simulation.recording import recording_voyage
     from common.simulation.scenarios import scenario_voyage
+    from onboard.virtual.voyage import VoyageSource
 
     if args.recording is None:
-        if args.map is not None:
-            raise WayfixError("belongs to a recording", "--map", "add --recording CSV")
-        return scenario_voyage(args.scenario or "5.3", args.seed, args.seconds)
+        return VoyageSource(scenario_voyage(args.scenario or "5.3", args.seed, args.seconds))
     if args.map is None:
         raise WayfixError("a recording needs to be told what its columns are", "--recording", "add --map MAP.toml")
     voyage = recording_voyage(args.recording, args.map, args.seed, args.seconds)
     if voyage.skipped:
         what = ", ".join(f"{name} {count}" for name, count in voyage.skipped.items())
         sys.stderr.write(f"rows left out (a field is empty, or the time does not grow): {what}\n")
-    return voyage
+    return VoyageSource(voyage)
 
 
 def _directory(wanted: Path | None) -> Path:
@@ -115,35 +160,30 @@ def _directory(wanted: Path | None) -> Path:
 
 def _refuse_foreign(paths: Iterable[Path]) -> None:
     """Nothing of somebody else's is overwritten; what an earlier virtual boat left is."""
-    from onboard.virtual.files import WRITTEN_BY
-
     for path in paths:
         is_ours = path.is_symlink() or (path.is_file() and path.read_bytes().startswith(WRITTEN_BY.encode()))
         if path.exists() and not is_ours:
             raise WayfixError("exists already and is not a virtual boat's", str(path), "give another --dir")
 
 
-def _play(args: argparse.Namespace, voyage: "Voyage", boat: VirtualBoat, directory: Path, console: Console) -> None:
+def _play(args: argparse.Namespace, source: Source, boat: VirtualBoat, directory: Path, console: Console) -> None:
     """Ready, start, send, done, and stay until told to go."""
-    from onboard.virtual.files import SentFile, TruthFile, boat_config, config_text
-
-    ports = {plan.name: str(directory / plan.name) for plan in PORTS}
-    config_file, truth_file, sent_file = (directory / name for name in ("boat.toml", "truth.csv", "sent.jsonl"))
+    ports = {name: str(directory / name) for name in source.bauds}
+    config_file, sent_file = directory / "boat.toml", directory / "sent.jsonl"
     _refuse_foreign((config_file, *map(Path, ports.values())))
-    config_file.write_text(config_text(voyage, boat_config(voyage, ports, args.bind)), encoding="utf-8")
-    truth = TruthFile(voyage)
-    sent = SentFile(sent_file, (plan.sensor for plan in PORTS))
-    files = {"config": str(config_file), "truth": str(truth_file), "sent": str(sent_file)}
-    _say({"ready": {**files, "ports": ports, "seconds": voyage.seconds, "skipped": voyage.skipped}})
+    config_file.write_text(config_text(source.head(), source.config(ports, args.bind)), encoding="utf-8")
+    sent = SentFile(sent_file, *source.counted)
+    files = {"config": str(config_file), "sent": str(sent_file)}
+    _say({"ready": {**files, "ports": ports, **source.ready(directory)}})
     try:
         if args.hold and not _held(console, args):
             return
-        start_ns = _start(boat, voyage, sent.note)
-        truth.write(truth_file, start_ns)
+        start_ns = _start(boat, source, sent.note)
+        source.started(directory, start_ns)
         _say({"started": {"t_ns": start_ns}})
         if not _send(boat, console, args):
             return
-        _say({"done": {"sent": sent.counts, "dropped_bytes": boat.dropped_bytes}})
+        _say({"done": {"sent": sent.counts, "dropped_bytes": boat.dropped_bytes, **source.done(sent.counts)}})
         if args.exit_at_end:
             console.wait(LINGER_S)
             return
@@ -164,14 +204,10 @@ def _held(console: Console, args: argparse.Namespace) -> bool:
     return True
 
 
-def _start(boat: VirtualBoat, voyage: "Voyage", note: Any) -> int:
+def _start(boat: VirtualBoat, source: Source, note: Any) -> int:
     """Fix t = 0 half a boat second from now, on a whole millisecond, and load the ports; returns t = 0."""
     start_ns = -(-(boat.clock.now_ns() + LEAD_NS) // NS_PER_MS) * NS_PER_MS
-    # Receivers solve on whole seconds of UTC, so t = 0 is called a whole second: wrong by half a second at most.
-    utc_ns = round((time.time_ns() + LEAD_NS / boat.clock.rate) / NS_PER_S) * NS_PER_S
-    encoders = BoatEncoders(GpsEncoder(utc_ns), CompassEncoder(voyage.boat.variation_deg or 0.0), ArduImuEncoder())
-    lines = {plan.name: lines_of(plan, voyage.readings, start_ns, encoders) for plan in PORTS}
-    boat.start(lines, {plan.name: plan.baud for plan in PORTS}, note)
+    boat.start(source.lines(start_ns, boat.clock.rate), source.bauds, note)
     return start_ns
 
 

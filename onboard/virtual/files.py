@@ -1,17 +1,11 @@
-"""What the virtual boat leaves beside its ports: the daemon's configuration, the truth, and what was sent."""
+"""What a voyage leaves beside its ports: the daemon's configuration and the truth."""
 
-import json
-import sys
-from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from common.angles import wrap_deg
 from common.sensors import BoatConfig, FramesTable, LinkTable, PortTable, SensorTable
-from common.settings import as_dict
 from common.simulation.motion import Array, grid
 from common.simulation.voyage import Voyage
 from onboard.virtual.boat import PORTS
@@ -20,12 +14,6 @@ TRUTH_HEADER = "t_s,lat_deg,lon_deg,heading_true_deg,t_ns,east_m,north_m,v_east_
 TRUTH_RATE_HZ = 10.0
 LONGEST_GAP_S = 1.0
 """Over a longer hole of a recording's reference no truth is made up."""
-
-WRITTEN_BY = "# Written by `wayfix-onboard virtual`"
-_CONFIG_HEAD = """\
-# Written by `wayfix-onboard virtual` for the voyage {name!r}; matches what its pseudo-terminals send.
-# sigma_m is one number for both axes; a scenario's own noise may differ by axis and change under way.
-"""
 
 
 def boat_config(voyage: Voyage, ports: dict[str, str], bind: str) -> BoatConfig:
@@ -69,19 +57,6 @@ def boat_config(voyage: Voyage, ports: dict[str, str], bind: str) -> BoatConfig:
     )
 
 
-def config_text(voyage: Voyage, config: BoatConfig) -> str:
-    """`config` as TOML, every key written out."""
-    parts = [_CONFIG_HEAD.format(name=voyage.name)]
-    for name, content in as_dict(config).items():
-        tables = content if isinstance(content, list) else [content]
-        head = f"[[{name}]]" if isinstance(content, list) else f"[{name}]"
-        for table in tables:
-            # JSON's texts, numbers, booleans and lists are TOML's too.
-            rows = "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in table.items())
-            parts.append(f"{head}\n{rows}")
-    return "\n".join(parts)
-
-
 class TruthFile:
     """Truth at 10 Hz. All but the boat time is worked out beforehand: writing must not delay the first byte."""
 
@@ -109,28 +84,3 @@ def _covered(t_s: Array) -> Array:
     before = np.searchsorted(t_s, times, side="right") - 1
     covered: Array = times[t_s[after] - t_s[before] <= LONGEST_GAP_S]
     return covered
-
-
-class SentFile:
-    """One JSON line for each measurement whose last byte went out, and a count for each sensor."""
-
-    def __init__(self, path: Path, sensors: Iterator[str]) -> None:
-        self.counts = dict.fromkeys(sensors, 0)
-        # By line: whoever reads while the boat still sails sees whole lines.
-        self._stream = path.open("w", encoding="ascii", buffering=1)
-
-    def note(self, record: dict[str, Any]) -> None:
-        """Write one record."""
-        self.counts[record["sensor"]] += 1
-        if self._stream.closed:
-            return
-        try:
-            self._stream.write(json.dumps(record, separators=(",", ":")) + "\n")
-        except OSError as error:  # a full disk ends the record, not the voyage
-            sys.stderr.write(f"{self._stream.name} cannot be written any further ({error.strerror})\n")
-            with suppress(OSError):
-                self._stream.close()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._stream.close()

@@ -1,0 +1,181 @@
+"""A recording of a serial port as its lines: what was on the wire, and what a program or a person wrote around it.
+
+A line ends at CR, LF or any number of them, as for `onboard.lines`; empty lines are sent with the line before and not
+counted. `#` lines at the beginning are the head of a gpsd log. In a table (CSV rows with a quoted sentence, tag blocks
+or time stamps before it) the sentence is what was sent; every other file is what was sent, whatever it holds.
+"""
+
+import hashlib
+import os
+import re
+import stat
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from common.errors import WayfixError
+from onboard.devices.gps.epoch import QUIET_NS
+from onboard.recorded.sentence_time import (
+    Schedule,
+    at_line_rate,
+    on_the_wire,
+    sentence_times,
+    time_on_wire_ns,
+    without_long_gaps,
+)
+
+MAX_FILE_BYTES: Final = 128 << 20
+"""Most of a day of a busy 38400 baud port. It is held in memory, and takes some 15 times its size there."""
+
+BAUDS: Final = (4800, 9600, 19200, 38400, 57600, 115_200, 230_400, 460_800, 921_600)
+LAG_NS: Final = 100_000_000
+"""A baud rate fits when no line with a new time waits longer for those before it."""
+HOLE_NS: Final = QUIET_NS * 2 // 3
+"""Nor may the lines of other devices inside a receiver's burst take so long that its epoch looks complete."""
+
+_LINE = re.compile(rb"(?:\A[\r\n]+)?[^\r\n]+[\r\n]*")
+_LINE_ENDS: Final = b"\r\n"
+_SENTENCE: Final = rb"([$!][^\"\\\r\n$!]*\*[0-9A-Fa-f]{2})"
+_WRAPPED: Final = (
+    re.compile(rb'[^\r\n]*"' + _SENTENCE + rb'".*', re.DOTALL),
+    re.compile(rb"\\[^\\\r\n]*\\" + _SENTENCE + rb"\s*"),
+    re.compile(rb"[\[(]?[0-9][0-9TZ :.,;/+-]*[\])]?[ \t,;:]" + _SENTENCE + rb"\s*"),
+)
+"""Around a sentence: a row of a table, a tag block, a time stamp."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """The lines of one file."""
+
+    path: Path
+    lines: tuple[bytes, ...]
+    """What was on the wire, line ends included."""
+    numbers: tuple[int, ...]
+    """Which of the file's lines each was; 1 = the first that is not empty."""
+    total: int
+    """Lines of the file that are not empty."""
+    skipped: dict[str, int]
+    """What was not on the wire: `comment` lines at the head, table rows without a sentence (`no-sentence`)."""
+    digest: str
+    """SHA-256 of the file, hexadecimal."""
+
+    @property
+    def bare(self) -> list[bytes]:
+        """The lines without their ends."""
+        return [line.strip(_LINE_ENDS) for line in self.lines]
+
+
+@dataclass(frozen=True, slots=True)
+class Paced:
+    """A recording and when each of its lines is wanted."""
+
+    recording: Recording
+    schedule: Schedule
+    baud: int
+    lag_ns: int
+    """How long a line with a new time has to wait at this baud rate, at worst."""
+    starts_ns: list[int]
+    """When the first byte of each line goes out at this baud rate, after the first line's."""
+
+    @property
+    def ends_ns(self) -> list[int]:
+        """When the last byte of each line goes out."""
+        sizes = map(len, self.recording.lines)
+        return [start + time_on_wire_ns(size, self.baud) for start, size in zip(self.starts_ns, sizes, strict=True)]
+
+    @property
+    def timed(self) -> bool:
+        """There are times in it."""
+        return self.schedule.first_tod_ms is not None
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a file. Raises WayfixError where it is none, or has no line."""
+    data = _content(path)
+    pieces = _LINE.findall(data)
+    if not pieces:
+        raise WayfixError("there is nothing in it", str(path), "give a recording of a serial port")
+    head = 0
+    while head < len(pieces) and pieces[head].lstrip(_LINE_ENDS).startswith(b"#"):
+        head += 1
+    skipped = {"comment": head} if head else {}
+    body = pieces[head:]
+    inside = [_unwrapped(piece) for piece in body]
+    found = len(inside) - inside.count(None)
+    if 2 * found > len(body):
+        # A table: rows without a sentence (its head, a damaged row) were never on the wire.
+        kept = [(line, number) for number, line in enumerate(inside, head + 1) if line is not None]
+        if found < len(body):
+            skipped["no-sentence"] = len(body) - found
+    else:
+        kept = [(line, number) for number, line in enumerate(body, head + 1)]
+    if not kept:
+        raise WayfixError("there are only comments in it", str(path), "give a recording of a serial port")
+    lines, numbers = zip(*kept, strict=True)
+    return Recording(path, lines, numbers, len(pieces), skipped, hashlib.sha256(data).hexdigest())
+
+
+def pace(
+    recording: Recording,
+    baud: int | None = None,
+    lines_per_second: float | None = None,
+    longest_gap_s: float | None = None,
+    least_baud: int = BAUDS[0],
+) -> Paced:
+    """When each line is wanted: by the times inside, else `lines_per_second`, else as fast as the baud rate goes.
+
+    Without `baud`: `least_baud`, or the lowest of `BAUDS` above it that carries the lines.
+    """
+    bare = recording.bare
+    schedule = sentence_times(bare)
+    if schedule.first_tod_ms is None and lines_per_second is not None:
+        schedule = replace(schedule, at_ns=at_line_rate(len(bare), lines_per_second))
+    if longest_gap_s is not None:
+        schedule = replace(schedule, at_ns=without_long_gaps(schedule.at_ns, round(longest_gap_s * 1e9)))
+    sizes = [len(line) for line in recording.lines]
+    fitting = (least_baud, *(rate for rate in BAUDS if rate > least_baud)) if baud is None else (baud,)
+    if not schedule.at_ns[-1]:
+        fitting = fitting[:1]
+    widest = max((sum(sizes[first:after]) for first, after in schedule.holes), default=0)
+    for candidate in fitting:
+        starts_ns = on_the_wire(schedule.at_ns, sizes, candidate)
+        lag_ns = _lag_ns(schedule.at_ns, starts_ns)
+        if lag_ns <= LAG_NS and time_on_wire_ns(widest, candidate) <= HOLE_NS:
+            break
+    return Paced(recording, schedule, candidate, lag_ns, starts_ns)
+
+
+def _lag_ns(at_ns: Sequence[int], starts_ns: Sequence[int]) -> int:
+    """The longest wait of a line that is wanted later than the one before it."""
+    waits = (start - at for start, (before, at) in zip(starts_ns[1:], pairwise(at_ns), strict=True) if at > before)
+    return max(waits, default=0)
+
+
+def _unwrapped(piece: bytes) -> bytes | None:
+    if piece[:1] in b"$!":
+        return None
+    for pattern in _WRAPPED:
+        match = pattern.fullmatch(piece)
+        if match is not None:
+            return match[1] + _LINE_ENDS
+    return None
+
+
+def _content(path: Path) -> bytes:
+    try:
+        # Non-blocking: opening a pipe that nobody writes to would wait for ever.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError as error:
+        raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give the path of a file") from error
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        os.close(descriptor)
+        raise WayfixError("is no plain file", str(path), "give a recording of a serial port")
+    with os.fdopen(descriptor, "rb") as stream:
+        if status.st_size > MAX_FILE_BYTES:
+            cure = "split it, for example with `split -C 100m`"
+            raise WayfixError(f"is longer than {MAX_FILE_BYTES >> 20} MiB", str(path), cure)
+        return stream.read()
