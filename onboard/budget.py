@@ -8,6 +8,7 @@ from common.units import NS_PER_S
 _BURST_S = 1.0
 _LEAST_BURST_BYTES = 4096
 """One full read: a chunk gathered while the board was busy is not a flood."""
+_CALM_SHARE = 0.75
 
 
 class ByteBudget:
@@ -21,10 +22,17 @@ class ByteBudget:
 
     def take(self, count: int, t_ns: int) -> int:
         """Bytes (0..count) allowed of a chunk read at boat time `t_ns`."""
-        if self._t_ns is not None:
-            self._level += (t_ns - self._t_ns) / NS_PER_S * self.bytes_per_s
-            self._level = min(self._level, self._capacity)
+        level = self._at(t_ns)
         self._t_ns = t_ns
-        allowed = min(count, int(self._level))
-        self._level -= allowed
+        allowed = min(count, int(level))
+        self._level = level - allowed
         return allowed
+
+    def calm(self, t_ns: int) -> bool:
+        """Is the bucket nearly full again? Not while a device is just above its budget and is cut now and then."""
+        return self._at(t_ns) >= _CALM_SHARE * self._capacity
+
+    def _at(self, t_ns: int) -> float:
+        if self._t_ns is None or t_ns <= self._t_ns:
+            return self._level
+        return min(self._level + (t_ns - self._t_ns) / NS_PER_S * self.bytes_per_s, self._capacity)
