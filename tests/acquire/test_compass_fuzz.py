@@ -15,6 +15,7 @@ import pytest
 
 from common.messages import Attitude, Heading
 from onboard.devices import Accepted, Ignored, Line, Measurement, Outcome, PortDecoder, Rejected, make_driver
+from tests.acquire.mutations import DIGITS, exact
 from tests.acquire.sentences import S, compass, sealed
 
 COUNT = 20_000
@@ -32,16 +33,6 @@ HPR = [
 ]
 KVH = ["%0012,-034,1234", "%-123,0034,0007", "%123.4", "$HCHDM,123.4,M", "$HCHDM,003.4,M,"]
 NASTY = "0123456789.-,CPRXYZTENMOLPA%$*! \x00\xff"
-DIGITS = frozenset("0123456789")
-
-
-def exact(text: str) -> Fraction:
-    """The number a strict reader finds; anything else fails the test that asked."""
-    whole, point, part = text.removeprefix("-").partition(".")
-    assert whole, text
-    assert set(whole) <= DIGITS, text
-    assert not point or (part and set(part) <= DIGITS), text
-    return Fraction(text)
 
 
 def angle(text: str, limit: int) -> Fraction:

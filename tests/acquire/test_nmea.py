@@ -8,7 +8,7 @@ from onboard.devices import nmea
 from onboard.devices.compass import sentences as compass_sentences
 from onboard.devices.fields import Position
 from onboard.devices.gps import sentences as gps_sentences
-from onboard.devices.gps.sentences import Gga, Gll, Gns, Gsa, Rmc, Zda
+from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Zda
 from onboard.devices.sentence import Sentence, address, check_sentence
 from tests.acquire.sentences import GGA, GSA, RMC, sealed
 
@@ -229,7 +229,7 @@ def test_the_filling_of_a_void_sentence_is_not_read(body: str) -> None:
 
 def test_gns() -> None:
     reading = read(sealed("GNGNS,014035.00,4332.69262,S,17235.48549,E,RRNN,13,0.9,25.63,11.24,1.2,0000,V"))
-    assert isinstance(reading, Gns)
+    assert isinstance(reading, Gga)
     assert reading.position is not None
     assert reading.position.lat_deg == pytest.approx(-(43 + 32.69262 / 60), abs=1e-12)
     assert (reading.quality, reading.satellites, reading.hdop, reading.alt_m) == (4, 13, 0.9, 25.63)
@@ -242,7 +242,7 @@ def test_gns() -> None:
 )
 def test_gns_is_as_good_as_its_best_constellation(letters: str, quality: int | None) -> None:
     reading = read(sealed(f"GNGNS,014035.00,4332.69262,S,17235.48549,E,{letters},13,0.9,25.63,11.24,,"))
-    assert isinstance(reading, Gns)
+    assert isinstance(reading, Gga)
     assert reading.quality == quality
     assert (reading.position is None) == (not quality)
 
@@ -286,7 +286,7 @@ def test_years_of_two_digits_are_1980_to_2079(data: bytes, day: date | None) -> 
 )
 def test_forms_of_nmea_2_0_to_4_11_have_their_position(body: str) -> None:
     reading = read(sealed(body))
-    assert isinstance(reading, Gga | Gns | Rmc | Gll)
+    assert isinstance(reading, Gga | Rmc | Gll)
     assert reading.position is not None
     assert reading.tod_ms is not None
     assert reading.tod_ms // 1000 == 43_200

@@ -7,7 +7,7 @@ from typing import Final
 from common.messages import Fix
 from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
 from onboard.devices.fields import DAY_MS, Position
-from onboard.devices.gps.sentences import Gga, Gll, Gns, Gsa, Rmc, Timed, Untimed, Vtg, Zda
+from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Timed, Untimed, Vtg, Zda
 
 QUIET_NS: Final = 150 * NS_PER_MS
 """An epoch that nothing has followed for so long is complete."""
@@ -42,7 +42,7 @@ class Epoch:
     seen: set[str] = field(default_factory=set)
     """Talker and formatter of each sentence."""
     gga: Gga | None = None
-    gns: Gns | None = None
+    gns: Gga | None = None
     rmc: Rmc | None = None
     gll: Gll | None = None
     vtg: Vtg | None = None
@@ -94,7 +94,7 @@ class Epoch:
         return None
 
     @property
-    def graded(self) -> Gga | Gns | None:
+    def graded(self) -> Gga | None:
         """The sentence that says how good the fix is: GGA, else GNS; one with a position before one without."""
         if self.gga is None or (self.gga.position is None and self.gns is not None and self.gns.position is not None):
             return self.gns

@@ -20,26 +20,13 @@ _QUALITY_OF_LETTER: Final = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "M"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gga:
-    """Position and quality; no position under quality 0 or an empty quality."""
+    """GGA or GNS: position and how good it is; no position under quality 0 or an empty quality."""
 
     tod_ms: int | None
     position: Position | None
     quality: int | None
-    """0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator."""
-    satellites: int | None
-    hdop: float | None
-    alt_m: float | None
-    """Above mean sea level."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gns:
-    """Position and quality of several constellations together; no position where no constellation has a fix."""
-
-    tod_ms: int | None
-    position: Position | None
-    quality: int | None
-    """As in GGA: the best of the letters, of which there is one for each constellation (`AANN` = 1, `RRNN` = 4)."""
+    """0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator. Of GNS the best of
+    the letters, of which there is one for each constellation (`AANN` = 1, `RRNN` = 4)."""
     satellites: int | None
     hdop: float | None
     alt_m: float | None
@@ -99,7 +86,7 @@ class Zda:
     date: date | None
 
 
-Timed = Gga | Gns | Rmc | Gll | Zda
+Timed = Gga | Rmc | Gll | Zda
 Untimed = Vtg | Gsa
 
 
@@ -117,9 +104,9 @@ def _gga(text: Text) -> Gga:
     )
 
 
-def _gns(text: Text) -> Gns:
+def _gns(text: Text) -> Gga:
     quality = _best_quality(text("mode"))
-    return Gns(
+    return Gga(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
         position=_position(text) if quality else None,
         quality=quality,
