@@ -9,6 +9,8 @@ _BURST_S = 1.0
 _LEAST_BURST_BYTES = 4096
 """One full read: a chunk gathered while the board was busy is not a flood."""
 _CALM_SHARE = 0.75
+_GRANT_BYTES = 1024
+"""An empty bucket gives nothing until it holds so much: in single bytes no line would ever come through whole."""
 
 
 class ByteBudget:
@@ -18,13 +20,16 @@ class ByteBudget:
         self.bytes_per_s = bytes_per_s
         self._capacity = max(bytes_per_s * _BURST_S, _LEAST_BURST_BYTES)
         self._level = self._capacity
+        self._empty = False
         self._t_ns: int | None = None
 
     def take(self, count: int, t_ns: int) -> int:
         """Bytes (0..count) allowed of a chunk read at boat time `t_ns`."""
         level = self._at(t_ns)
         self._t_ns = t_ns
-        allowed = min(count, int(level))
+        self._empty = self._empty and level < _GRANT_BYTES
+        allowed = 0 if self._empty else min(count, int(level))
+        self._empty = self._empty or allowed < count
         self._level = level - allowed
         return allowed
 

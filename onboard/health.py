@@ -128,6 +128,7 @@ class SensorMonitor:
         """The port opened (None) or was lost."""
         if reason is None:
             self._opened_ns = t_ns
+            self._count_from_here()
         else:
             self._rhythm.forget()
             self._silence_told = self._delivery_told = False
@@ -150,7 +151,9 @@ class SensorMonitor:
             return "missing", self._port_reason
         if not self.periodic:
             return "delivering", self._quiet(now_ns) or self.wire.damage
-        if self._last_good_ns is not None and now_ns - self._last_good_ns <= self._stale_ns:
+        last_ns = self._last_good_ns
+        # What came before the port was lost and opened says nothing of what is plugged in now.
+        if last_ns is not None and last_ns >= self._opened_ns and now_ns - last_ns <= self._stale_ns:
             return "delivering", self.wire.damage
         return "silent", self._why_silent(now_ns)
 
@@ -178,6 +181,8 @@ class SensorMonitor:
             return self.hint
         count = self.wire.heard_bytes - self._heard_then
         bad = self.rejected - self._rejected_then
+        if self.wire.flooded:
+            return f"{count} bytes came, more than the port's byte budget: no whole line of this sensor is left of them"
         if self.wire.readable == self._readable_then and 2 * bad["not-ascii"] >= bad.total():
             return f"{count} bytes came, none readable: wrong baud rate?"
         if bad:
@@ -223,9 +228,12 @@ class SensorMonitor:
     def _note_good(self) -> None:
         """Good lines came since the last report: from here on it is counted what came instead."""
         self._good_seen = self.accepted
+        self._count_from_here()
+        self._reopened, self.hint = 0, None
+
+    def _count_from_here(self) -> None:
         self._heard_then, self._readable_then = self.wire.heard_bytes, self.wire.readable
         self._rejected_then = self.rejected.copy()
-        self._reopened, self.hint = 0, None
 
     def _happening(self, state: str, reason: str | None, now_ns: int) -> Event | None:
         """One event for each silence longer than the limit, and one for its end or the port's return."""
@@ -277,7 +285,8 @@ class DamageWatch:
         self._wire = wire
         self._periodic = periodic
         self._marks: deque[tuple[int, int, int]] = deque()
-        self._since: tuple[int, int] | None = None
+        self._since: tuple[int, int, int] | None = None
+        """From when the damage has to last to be told: time, readable and damaged lines until then."""
         self._told = False
 
     def reset(self) -> None:
@@ -290,6 +299,7 @@ class DamageWatch:
         if self._marks and now_ns - self._marks[-1][0] < NS_PER_S:
             return None
         wire = self._wire
+        has_more = not self._marks or wire.readable > self._marks[-1][1]
         self._marks.append((now_ns, wire.readable, wire.damaged))
         while self._marks[0][0] < now_ns - WINDOW_NS:
             self._marks.popleft()
@@ -305,10 +315,18 @@ class DamageWatch:
         if bad < LEAST_BAD or bad <= BAD_SHARE * count:
             self._since = None
             return None
-        since_ns, readable_then = self._since = self._since or (now_ns, wire.readable)
-        if now_ns - since_ns < CONFIRM_NS or (self._periodic and wire.readable == readable_then):
+        if self._since is None:
+            # Where no good line comes at all the silence is told; what lay in it is no damage of the lines after it.
+            self._since = self._marks[-1] if has_more or not self._periodic else None
             return None
-        self._since, self._told, wire.damage = None, True, _share(bad, count)
+        since_ns, readable_then, damaged_then = self._since
+        if now_ns - since_ns < CONFIRM_NS:
+            return None
+        self._since = None
+        more, more_bad = wire.readable - readable_then, wire.damaged - damaged_then
+        if (self._periodic and more == 0) or more_bad <= BAD_SHARE * (more + more_bad):
+            return None
+        self._told, wire.damage = True, _share(bad, count)
         return "lines-damaged", bad, count
 
 

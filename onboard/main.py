@@ -5,6 +5,8 @@ import asyncio
 import json
 import logging
 import os
+import signal
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -128,20 +130,30 @@ def _virtual(arguments: argparse.Namespace) -> int:
 
 
 def _convert(arguments: argparse.Namespace) -> int:
-    """Run the daemon's decoders and framer over a recording, on the time inside its sentences."""
+    """Run the daemon's decoders and framer over a recording, on the time inside its sentences.
+
+    Exit code 1: interrupted, or no line of the recording was of any use.
+    """
     from onboard.convert import convert, words
 
-    summary = convert(
-        arguments.recording,
-        arguments.out,
-        config_file=arguments.config,
-        port=arguments.port,
-        lines_per_second=arguments.lines_per_second,
-    )
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        summary = convert(
+            arguments.recording,
+            arguments.out,
+            config_file=arguments.config,
+            port=arguments.port,
+            lines_per_second=arguments.lines_per_second,
+        )
+    except KeyboardInterrupt:
+        print(f"interrupted; {arguments.out} was not written", file=sys.stderr)
+        return 1
     print("\n".join(words(summary)))
+    if not summary["accepted"]:
+        print("no line was accepted: is this a recording of these sensors?", file=sys.stderr)
     if arguments.json:
         _say(**summary)
-    return 0
+    return 0 if summary["accepted"] else 1
 
 
 def _refuse_fast_clock(config: BoatConfig) -> None:

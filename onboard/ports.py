@@ -12,6 +12,7 @@ import errno
 import fcntl
 import logging
 import os
+import select
 import termios
 import threading
 from collections.abc import Callable
@@ -155,7 +156,9 @@ class Port:
             self._fail(reason_of(error))
             return
         if not data:
-            self._fail("the device is gone")
+            # pyserial sets VMIN = 0: a second reader that was faster leaves an empty read too, which is no loss.
+            if _hung_up(self._device.fileno()):
+                self._fail("the device is gone")
             return
         self._on_chunk(data, self._clock.now_ns())
 
@@ -179,6 +182,12 @@ class Port:
         if reason != self.reason:
             self.reason = reason
             self._on_change(reason)
+
+
+def _hung_up(descriptor: int) -> bool:
+    watch = select.poll()
+    watch.register(descriptor, 0)  # POLLHUP and POLLERR are always told
+    return bool(watch.poll(0))
 
 
 def _in_thread(call: Callable[[], Any]) -> "asyncio.Future[Any]":

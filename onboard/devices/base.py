@@ -79,10 +79,11 @@ class Driver(Protocol):
         """Decode one claimed line. Never raises."""
         ...
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:
         """What is due at `now_ns` without another line: a GPS epoch that nothing has followed for 150 ms.
 
         `now_ns` is the time up to which all lines are known (`LineSplitter.complete_until`): a sentence takes 0.17 s
-        to arrive at 4800 baud, and while it does the port is not quiet.
+        to arrive at 4800 baud, and while it does the port is not quiet. `heard_ns` is when the last line of the port
+        ended, whoever's it was: another device's sentences may stand between those of one epoch.
         """
         ...

@@ -49,7 +49,7 @@ def number(text: str, low: float, high: float) -> float | None:
         return None
     if not _NUMBER.fullmatch(text):
         raise FieldFault("not-a-number")
-    value = float(text)
+    value = float(text) + 0.0  # no minus before a zero
     if not low <= value <= high:
         raise FieldFault("range")
     return value

@@ -27,6 +27,7 @@ class PortDecoder:
         self.unclaimed: deque[Line] = deque(maxlen=KEPT)
         """The last lines that no sensor of the port claimed."""
         self._faults_told: set[str] = set()
+        self._heard_ns = 0
 
     def feed(self, line: Line) -> Outcome:
         """What became of the line: every line is accepted, rejected or ignored, never lost. Never raises.
@@ -34,6 +35,7 @@ class PortDecoder:
         A fault of ours in a driver is the reason `driver-fault`, told once for each sensor in the log: the other lines
         and ports go on.
         """
+        self._heard_ns = line.t_ns if line.end_ns is None else line.end_ns
         for driver in self.drivers:
             if driver.claims(line):
                 try:
@@ -52,7 +54,7 @@ class PortDecoder:
 
     def flush(self, now_ns: int) -> tuple[Measurement, ...]:
         """What all drivers have due at `now_ns`: give `LineSplitter.complete_until(now)`, see `Driver.flush`."""
-        return tuple(measurement for driver in self.drivers for measurement in driver.flush(now_ns))
+        return tuple(measurement for driver in self.drivers for measurement in driver.flush(now_ns, self._heard_ns))
 
 
 def _unclaimed(data: bytes) -> Outcome:

@@ -25,6 +25,8 @@ _TAG_BLOCK = re.compile(rb"\\[ -\[\]-~]*\\")
 _START = re.compile(rb"[$!](?![$!])")
 _TEXT: Final = bytes((*b"\t", *range(0x20, 0x7F)))
 _PRINTABLE = re.compile(rb"[ -~]*")
+_PADDING: Final = b" \t\0"
+"""What editors and loggers leave behind a sentence."""
 _CHECKSUM = re.compile(rb"\*[0-9A-Fa-f]{2}")
 
 
@@ -66,7 +68,7 @@ def check_sentence(data: bytes) -> Sentence | str:
     """
     if len(data) > LONGEST_SENTENCE:
         return "too-long"
-    data = sentence_of(data)
+    data = sentence_of(data).rstrip(_PADDING)
     if not _PRINTABLE.fullmatch(data):
         return "not-ascii"
     if data[:1] not in (b"$", b"!"):

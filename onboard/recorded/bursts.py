@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 from onboard.devices.fields import FieldFault, time_of_day_ms
@@ -32,8 +33,6 @@ class Burst:
     """UTC time of day in milliseconds; `None` = no time in it (cold start)."""
     void: bool = False
     """The receiver said that it has no fix."""
-    holes: list[tuple[int, int]] = field(default_factory=list)
-    """Lines of other devices in it: index of the first, and of the receiver's line after them."""
     _keys: set[tuple[str, str]] = field(default_factory=set)
     _since_timed: set[tuple[str, str]] = field(default_factory=set)
 
@@ -46,8 +45,6 @@ class Burst:
 
     def add(self, line: int, item: "ReceiverLine") -> None:
         """Take line number `line` in."""
-        if line > self.last + 1:
-            self.holes.append((self.last + 1, line))
         self.last = line
         self.void |= item.void
         self._keys.add(item.key)
@@ -98,13 +95,15 @@ def _at(fields: Sequence[str], place: int) -> str:
 def bursts(lines: Sequence[bytes]) -> list[Burst]:
     """The receivers' bursts among the lines (line ends removed), in order and without overlap.
 
-    A burst ends before a sentence of another time, or one that it has already; at its end it takes along the untimed
-    sentences that follow at once. Lines of other devices belong to it when another of its timed sentences follows.
+    A burst ends before a sentence of another time, or one that it has already. Lines of other devices belong to it
+    when another of its sentences follows. An untimed sentence belongs to the burst before it, unless the recording
+    begins with its kind: then it leads the burst.
     """
     found: list[Burst] = []
     between: Counter[tuple[str, str]] = Counter()
-    for line, data in enumerate(lines):
-        item = receiver_line(data)
+    items = [receiver_line(data) for data in lines]
+    leaders = {item.key for item in takewhile(lambda item: not item.timed, filter(None, items))}
+    for line, (data, item) in enumerate(zip(lines, items, strict=True)):
         burst = found[-1] if found else None
         if item is None:
             if not data.startswith(b"!"):  # AIS comes in heaps of its own
@@ -112,7 +111,8 @@ def bursts(lines: Sequence[bytes]) -> list[Burst]:
             continue
         followed = burst is not None and line == burst.last + 1
         bridged = burst is not None and _bridged(burst, line, item, between)
-        if burst is not None and (followed or bridged) and burst.takes(item):
+        leads = burst is not None and burst.tod_ms is not None and item.key in leaders
+        if burst is not None and (followed or bridged) and not leads and burst.takes(item):
             burst.add(line, item)
         else:
             found.append(Burst(line, line))
@@ -122,5 +122,5 @@ def bursts(lines: Sequence[bytes]) -> list[Burst]:
 
 
 def _bridged(burst: Burst, line: int, item: ReceiverLine, between: Counter[tuple[str, str]]) -> bool:
-    same_time = item.timed and item.tod_ms is not None and item.tod_ms == burst.tod_ms
+    same_time = burst.tod_ms is not None and (not item.timed or item.tod_ms == burst.tod_ms)
     return same_time and line - burst.last <= BRIDGE_LINES and max(between.values(), default=0) <= TOGETHER

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Final
 
 from common.errors import WayfixError
-from onboard.devices.gps.epoch import QUIET_NS
 from onboard.recorded.sentence_time import (
     Schedule,
     at_line_rate,
@@ -32,10 +31,10 @@ MAX_FILE_BYTES: Final = 128 << 20
 BAUDS: Final = (4800, 9600, 19200, 38400, 57600, 115_200, 230_400, 460_800, 921_600)
 LAG_NS: Final = 100_000_000
 """A baud rate fits when no line with a new time waits longer for those before it."""
-HOLE_NS: Final = QUIET_NS * 2 // 3
-"""Nor may the lines of other devices inside a receiver's burst take so long that its epoch looks complete."""
 
 _LINE = re.compile(rb"(?:\A[\r\n]+)?[^\r\n]+[\r\n]*")
+_BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
+"""Some editors put it before a text."""
 _LINE_ENDS: Final = b"\r\n"
 _SENTENCE: Final = rb"([$!][^\"\\\r\n$!]*\*[0-9A-Fa-f]{2})"
 _WRAPPED: Final = (
@@ -95,7 +94,7 @@ class Paced:
 def read_recording(path: Path) -> Recording:
     """Read a file. Raises WayfixError where it is none, or has no line."""
     data = _content(path)
-    pieces = _LINE.findall(data)
+    pieces = _LINE.findall(data.removeprefix(_BYTE_ORDER_MARK))
     if not pieces:
         raise WayfixError("there is nothing in it", str(path), "give a recording of a serial port")
     head = 0
@@ -139,11 +138,10 @@ def pace(
     fitting = (least_baud, *(rate for rate in BAUDS if rate > least_baud)) if baud is None else (baud,)
     if not schedule.at_ns[-1]:
         fitting = fitting[:1]
-    widest = max((sum(sizes[first:after]) for first, after in schedule.holes), default=0)
     for candidate in fitting:
         starts_ns = on_the_wire(schedule.at_ns, sizes, candidate)
         lag_ns = _lag_ns(schedule.at_ns, starts_ns)
-        if lag_ns <= LAG_NS and time_on_wire_ns(widest, candidate) <= HOLE_NS:
+        if lag_ns <= LAG_NS:
             break
     return Paced(recording, schedule, candidate, lag_ns, starts_ns)
 

@@ -52,8 +52,6 @@ class Schedule:
     first_tod_ms: int | None = None
     """UTC time of day of the first line; `None` = no time can be found in the recording, and `at_ns` is all 0."""
     gaps: tuple[Gap, ...] = ()
-    holes: tuple[tuple[int, int], ...] = ()
-    """Lines of other devices inside a receiver's burst (`Burst.holes`)."""
 
 
 Anchor = tuple[int, int]
@@ -72,8 +70,7 @@ def sentence_times(lines: Sequence[bytes]) -> Schedule:
         for line in range(burst.first, burst.last + 1):
             at_ns[line] = at_ns[burst.first]
     first_tod_ms = (steps.first_tod_ms - (at_ns[anchors[0][0]] - at_ns[0]) // NS_PER_MS) % DAY_MS
-    holes = tuple(hole for burst in found for hole in burst.holes)
-    return Schedule([t_ns - at_ns[0] for t_ns in at_ns], first_tod_ms, gaps, holes)
+    return Schedule([t_ns - at_ns[0] for t_ns in at_ns], first_tod_ms, gaps)
 
 
 def without_long_gaps(at_ns: Sequence[int], longest_ns: int) -> list[int]:

@@ -108,7 +108,7 @@ def test_latency_is_subtracted_and_whole_microseconds_remain() -> None:
     (rate,) = measured(driver.feed(line(sealed("HEROT,6.0,A"), 100 * MS)))
     (attitude,) = measured(driver.feed(line(sealed("HCXDR,A,1.0,D,PITCH"), 100 * MS)))
     assert rate.t_ns == attitude.t_ns == 87_654_000
-    assert driver.flush(10**18) == ()
+    assert driver.flush(10**18, 0) == ()
 
 
 def test_talker_filter() -> None:
@@ -150,7 +150,7 @@ def test_what_weather_stations_send_stays_with_nobody() -> None:
 
 @pytest.mark.parametrize(
     ("text", "rate_deg_s"),
-    [("6.0", 0.1), ("-6.0", -0.1), ("+6.0", 0.1), ("0.0", 0.0), ("-0.007", -0.007 / 60), ("21600", 360.0)],
+    [("6.0", 0.1), ("-6.0", -0.1), ("+6.0", 0.1), ("0.0", 0.0), ("-0.007", -0.007 / 60), ("7200", 120.0)],
 )
 def test_rate_of_turn_is_per_second_and_starboard_positive(text: str, rate_deg_s: float) -> None:
     (found,) = measured(make_driver(compass(model="hsc100")).feed(line(sealed(f"HEROT,{text},A"))))
@@ -313,3 +313,16 @@ def test_round_trip_of_rate_and_attitude(rate_deg_min: float, pitch: float, roll
     assert rate.rate_deg_s * 60 == pytest.approx(rate_deg_min, abs=1e-9)
     (attitude,) = measured(driver.feed(line(sealed(f"HCXDR,A,{roll},D,ROLL,A,{pitch},D,PTCH"))))
     assert attitude == Attitude(sensor="compass1", t_ns=0, pitch_deg=pitch, roll_deg=roll)
+
+
+def test_names_of_xdr_in_any_case() -> None:
+    driver = make_driver(compass())
+    data = sealed("YDXDR,A,-5.2,D,Yaw,A,1.2,D,Pitch,A,3.0,D,Roll")
+    assert driver.claims(line(data))
+    (attitude,) = measured(driver.feed(line(data)))
+    assert isinstance(attitude, Attitude)
+    assert (attitude.pitch_deg, attitude.roll_deg) == (1.2, 3.0)
+
+
+def test_an_unknown_rate_of_turn_is_no_rate() -> None:
+    assert make_driver(compass()).feed(line(sealed("TIROT,-9999.9,A"))) == Rejected("range", "compass1")

@@ -103,7 +103,7 @@ def test_lines_that_end_with_cr_alone_and_the_latency() -> None:
     assert [one.heading_mag_deg for one in found] == [123.4, 123.5, 123.6]
     assert {one.t_ns for one in found} == {70 * MS}
     assert heading(driver.feed(Line(100 * MS, b"$HCHDM,123.4,M"))).t_ns == 70 * MS
-    assert driver.flush(10**18) == ()
+    assert driver.flush(10**18, 0) == ()
 
 
 def characters(tenths: int) -> str:

@@ -29,7 +29,7 @@ def test_the_example_of_the_manual() -> None:
         field_ut=found.field_ut, temperature_c=22.3, warning="E001",
     )  # fmt: skip
     assert outcome == Accepted("compass1", "TCM2", (wanted,))
-    assert driver.flush(10**18) == ()
+    assert driver.flush(10**18, 0) == ()
 
 
 @pytest.mark.parametrize(

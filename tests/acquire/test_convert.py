@@ -376,3 +376,31 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(tmp_path: Path) -> None:
     assert "out: cannot be written (File too large); check space and rights" in done.stderr
     assert "Traceback" not in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["in.log"]
+
+
+def test_a_file_in_which_nothing_is_understood_is_a_no(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = tmp_path / "letter.txt"
+    text.write_text("dear all,\nthe log is attached\n")
+    assert main(["convert", str(text), str(tmp_path / "out.frames")]) == 1
+    assert "no line was accepted" in capsys.readouterr().err
+
+
+def test_an_interrupted_conversion_leaves_nothing_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_frame: Frame) -> bytes:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("onboard.convert.encode_frame", interrupted)
+    out = tmp_path / "out.frames"
+    assert main(["convert", str(write(tmp_path, *LINES)), str(out)]) == 1
+    assert "was not written" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["in.log"]
+
+
+def test_a_byte_order_mark_is_no_line(tmp_path: Path) -> None:
+    file = tmp_path / "in.log"
+    file.write_bytes(b"\xef\xbb\xbf# head\n" + GGA + b"\n")
+    read = read_recording(file)
+    assert read.skipped == {"comment": 1}
+    assert read.bare == [GGA]

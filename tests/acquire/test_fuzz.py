@@ -69,7 +69,8 @@ def check_fix(fix: Fix, formatter: str, f: list[str]) -> None:
         assert fix.fix_quality or fix.lat_deg is None
     else:
         status = f[1 if formatter == "RMC" else 5]
-        assert fix.status_valid is None or status in (("A", "D") if fix.status_valid else ("V",))
+        bare = formatter == "GLL" and not status and not clock  # before NMEA 2.0
+        assert fix.status_valid is None or bare or status in (("A", "D") if fix.status_valid else ("V",))
     if formatter == "RMC":
         same(fix.sog_kn, f[6], 0, 1000)
         if fix.cog_true_deg is not None:

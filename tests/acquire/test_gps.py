@@ -27,7 +27,7 @@ def run(sentences: list[tuple[float, bytes]], **table: object) -> list[Measureme
     out: list[Measurement] = []
     for t_s, data in sentences:
         out += measured(driver.feed(line(data, round(t_s * S))))
-    return [*out, *driver.flush(10**18)]
+    return [*out, *driver.flush(10**18, 0)]
 
 
 def test_gga_gsa_rmc_of_one_second_make_one_fix() -> None:
@@ -62,10 +62,10 @@ def test_the_fix_comes_with_the_next_epoch_or_150_ms_after_the_last_byte() -> No
     driver = make_driver(gps())
     assert not fixes(measured(driver.feed(line(gga("120000"), 0))))
     assert not fixes(measured(driver.feed(Line(100 * MS, rmc("120000"), 200 * MS))))
-    assert driver.flush(349 * MS) == ()
-    (fix,) = fixes(driver.flush(350 * MS))
+    assert driver.flush(349 * MS, 0) == ()
+    (fix,) = fixes(driver.flush(350 * MS, 0))
     assert fix.t_ns == 0
-    assert driver.flush(400 * MS) == ()
+    assert driver.flush(400 * MS, 0) == ()
     assert not fixes(measured(driver.feed(line(gga("120001"), 1000 * MS))))
     (second,) = fixes(measured(driver.feed(line(gga("120002"), 1100 * MS))))
     assert second.tod_ms == 43_201_000
@@ -82,7 +82,7 @@ def test_a_slow_baud_rate_does_not_split_an_epoch() -> None:
         for found in splitter.feed(burst[tick * 10 : tick * 10 + 10], now_ns):
             outcome = driver.feed(found)
             out += outcome.measurements if isinstance(outcome, Accepted) else ()
-        out += driver.flush(splitter.complete_until(now_ns))
+        out += driver.flush(splitter.complete_until(now_ns), 0)
     (fix,) = fixes(tuple(out))
     assert (fix.sog_kn, fix.fix_mode, fix.fix_quality) == (5.0, 3, 1)
     (pair,) = pairs(tuple(out))
@@ -92,10 +92,10 @@ def test_a_slow_baud_rate_does_not_split_an_epoch() -> None:
 def test_a_sentence_after_the_flush_makes_no_second_fix() -> None:
     driver = make_driver(gps())
     driver.feed(line(gga("120000"), 0))
-    assert len(fixes(driver.flush(200 * MS))) == 1
+    assert len(fixes(driver.flush(200 * MS, 0))) == 1
     late = measured(driver.feed(line(rmc("120000"), 300 * MS)))
     assert len(pairs(late)) == 1
-    assert driver.flush(10**18) == ()
+    assert driver.flush(10**18, 0) == ()
 
 
 def test_position_comes_from_gga_else_rmc_else_gll() -> None:
@@ -350,4 +350,12 @@ def test_no_bytes_make_it_raise(data: list[bytes]) -> None:
     driver = make_driver(gps())
     for number, one in enumerate(data):
         assert isinstance(driver.feed(line(one, number * 100 * MS)), Accepted | Rejected | Ignored)
-    driver.flush(10**18)
+    driver.flush(10**18, 0)
+
+
+def test_gll_without_status() -> None:
+    (fix,) = fixes(tuple(run([(0.0, sealed("GPGLL,4807.0380,N,01131.0000,E"))])))
+    assert fix.usable
+    assert fix.lat_deg == pytest.approx(48.1173)
+    driver = make_driver(gps())
+    assert driver.feed(line(sealed("GPGLL,4807.0380,N,01131.0000,E,120000"))) == Rejected("status", "gps1")

@@ -30,7 +30,7 @@ def read(data: bytes) -> object:
         (b"$GPGGA,1", "no-checksum"),
         (GGA[:-1], "no-checksum"),
         (GGA[:-2] + b"7E", "checksum"),
-        (GGA + b" ", "no-checksum"),
+        (GGA + b" x", "no-checksum"),
         (b"$" + b"1" * 512, "too-long"),
         (GGA[:30] + RMC, "run-together"),
         (GGA[30:] + RMC, "not-nmea"),
@@ -60,6 +60,10 @@ def test_refused_before_any_field(data: bytes, reason: str) -> None:
 def test_a_tag_block_or_binary_before_a_whole_sentence_is_not_part_of_it(before: bytes) -> None:
     assert check_sentence(before + GGA) == check_sentence(GGA)
     assert address(before + GGA) == ("GP", "GGA")
+
+
+def test_blanks_behind_the_checksum_do_no_harm() -> None:
+    assert check_sentence(GGA + b" \t\0") == check_sentence(GGA)
 
 
 def test_lower_case_checksum_is_the_same_number() -> None:

@@ -114,7 +114,7 @@ def test_a_fault_of_ours_costs_its_line_only_and_is_told_once(caplog: pytest.Log
         def feed(self, line: Line) -> Outcome:
             raise ZeroDivisionError
 
-        def flush(self, now_ns: int) -> tuple[Measurement, ...]:
+        def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:
             return ()
 
     port = PortDecoder([Broken(), make_driver(compass())])

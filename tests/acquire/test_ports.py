@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from common.clock import BoatClock
+from common.messages import Event
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
 from onboard.acquisition import Acquisition
@@ -73,6 +74,24 @@ def test_a_port_reads_is_lost_once_and_idles_without_spinning(terminal: Pty) -> 
     asyncio.run(run())
 
 
+def test_an_empty_read_without_a_hang_up_is_no_loss(terminal: Pty) -> None:
+    """A second reader was faster."""
+    master, _, path = terminal
+
+    async def run() -> None:
+        watched = Watched(path)
+        task = asyncio.create_task(watched.port.run())
+        await watched.until(lambda: watched.reasons == [None])
+        watched.port._readable()
+        os.write(master, b"hello\r\n")
+        await watched.until(lambda: b"".join(watched.chunks) == b"hello\r\n")
+        assert watched.reasons == [None]
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(run())
+
+
 def test_an_open_that_hangs_is_waited_for_once_and_does_not_hold_up_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     release, started = threading.Event(), []
 
@@ -104,6 +123,59 @@ def test_an_open_that_hangs_is_waited_for_once_and_does_not_hold_up_the_end(monk
 def test_reasons_are_words() -> None:
     assert reason_of(FileNotFoundError(2, "x")) == "no such device"
     assert reason_of(ValueError("odd")) == "odd"
+
+
+def test_a_port_that_comes_back_at_once_delivers_when_its_first_line_comes_and_not_before() -> None:
+    table, told = PortTable(name="p", path="/dev/none"), list[str]()
+    sensor = SensorTable(id="compass1", port="p", role="compass")
+    config = BoatConfig(boat=BoatTable(id="b"), port=(table,), sensor=(sensor,))
+    acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda item: told.append(item.code))
+    (chain,) = acquisition.chains
+    chain.changed(None, 0)
+    chain.chunk(b"$HCHDG,101.1,,,,*43\r\n", NS_PER_S)
+    acquisition.frame(2 * NS_PER_S)
+    chain.changed("the device is gone", 2 * NS_PER_S)
+    chain.changed(None, 2_500_000_000)
+    assert acquisition.frame(3 * NS_PER_S).health[0].state == "silent"
+    assert told == ["port-opened", "sensor-delivering", "port-lost", "port-opened"]
+    chain.chunk(b"$HCHDG,101.1,,,,*43\r\n", 3_100_000_000)
+    assert acquisition.frame(4 * NS_PER_S).health[0].state == "delivering"
+    assert told[4:] == ["sensor-delivering"]
+
+
+@pytest.mark.parametrize("garbage_s", range(14, 24))
+def test_lines_that_come_right_after_a_silence_full_of_garbage_are_not_called_damaged(garbage_s: int) -> None:
+    table, told = PortTable(name="p", path="/dev/none"), list[str]()
+    sensor = SensorTable(id="compass1", port="p", role="compass")
+    config = BoatConfig(boat=BoatTable(id="b"), port=(table,), sensor=(sensor,))
+    acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda item: told.append(item.code))
+    (chain,) = acquisition.chains
+    chain.changed(None, 0)
+    for tick in range(1, 10 * (10 + garbage_s + 30)):
+        now_ns = tick * NS_PER_S // 10
+        is_right = not 10 <= tick / 10 < 10 + garbage_s
+        chain.chunk(b"$HCHDG,101.1,,,,*43\r\n" if is_right else b"\xf0\x8a\xfe" * 7 + b"\r\n", now_ns)
+        chain.flush(now_ns)
+        acquisition.frame(now_ns)
+    assert told == ["port-opened", "sensor-delivering", "sensor-silent", "sensor-delivering"]
+
+
+def test_a_flood_that_leaves_no_whole_line_is_not_called_a_wrong_baud_rate() -> None:
+    table, told = PortTable(name="p", path="/dev/none"), list[Event]()
+    sensor = SensorTable(id="compass1", port="p", role="compass")
+    config = BoatConfig(boat=BoatTable(id="b"), port=(table,), sensor=(sensor,))
+    acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, told.append)
+    (chain,) = acquisition.chains
+    chain.changed(None, 0)
+    block = b"$HCHDG,101.1,,,,*43" * 220  # no line ever ends
+    for k in range(2000):
+        chain.chunk(block[k % 21 : k % 21 + 4095], 4_000_000 * k)
+        if k % 25 == 0:
+            chain.flush(4_000_000 * k)
+            acquisition.frame(4_000_000 * k + 1_000)
+    silent = [item.text for item in told if item.code == "sensor-silent"]
+    assert len(silent) == 1
+    assert "more than the port's byte budget" in silent[0]
 
 
 def test_a_half_line_from_before_a_silent_reopen_is_never_joined_to_a_new_one() -> None:

@@ -192,3 +192,10 @@ def test_round_trip(number: int, distance: int, bearing: int, speed: int, refere
 @given(st.binary(max_size=100) | st.text("0123456789,.-TRNKSLQ", max_size=90).map(lambda t: sealed(f"RATTM,{t}")))
 def test_arbitrary_bytes_never_raise(data: bytes) -> None:
     assert isinstance(driver().feed(line(data)), Accepted | Rejected)
+
+
+def test_nothing_reckoned_from_a_speed_that_is_none() -> None:
+    data = sealed("RATTM,01,0.48,263.6,T,0.0,2.9,T,0.48,1.0,N,X,Q,,134601,M")
+    found = target(data)
+    assert (found.status, found.sog_kn, found.cpa_m, found.tcpa_s) == ("acquiring", None, None, None)
+    assert found.range_m is not None

@@ -34,7 +34,7 @@ def decoded(role: str, model: str, encoded: Encoded) -> list[object]:
         outcome = driver.feed(line)
         assert isinstance(outcome, Accepted), outcome
         found += outcome.measurements
-    return [*found, *driver.flush(10**12)]
+    return [*found, *driver.flush(10**12, 0)]
 
 
 def only(kind: type, found: list[object]) -> object:

@@ -129,7 +129,7 @@ def _check_lines(config_file: Path, sent_file: Path, readers: dict[str, Reader])
             outcome = driver.feed(Line(0, data))
             assert isinstance(outcome, Accepted), (data, outcome)
             found += outcome.measurements
-        found += driver.flush(10**18)
+        found += driver.flush(10**18, 0)
         mine = [record for record in sent if record["sensor"] == table.id]
         kind = mine[0]["kind"]
         got = [item for item in found if type(item).__name__ == kind]

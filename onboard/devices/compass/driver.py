@@ -21,7 +21,7 @@ from onboard.devices.sentence import address, check_sentence, sentence_of
 
 _OWN = re.compile(rb"\$(PTNT[A-Z]{3}),")
 """Honeywell's own sentences have no talker."""
-_ANGLE = re.compile(rb",(?:%s)(?=[,*]|$)" % "|".join(sentences.ANGLE_NAMES).encode())
+_ANGLE = re.compile(rb",(?:%s)(?=[,*]|$)" % "|".join(sentences.ANGLE_NAMES).encode(), re.IGNORECASE)
 _RANK: Final = {"PTNTHPR": 5, "HDG": 4, "HDM": 3, "HCC": 2, "HDT": 1}
 """Which heading is used where a device sends the same one in several sentences: the one that brings most with it, then
 the magnetic ones (deviation and variation are added ashore, in one place); HDT where it is the only one."""
@@ -89,7 +89,7 @@ class CompassDriver:
             return Rejected("empty", self.sensor)
         return Accepted(self.sensor, formatter, measurements)
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a heading never waits."""
         return ()
 

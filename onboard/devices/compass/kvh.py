@@ -55,7 +55,7 @@ class KvhDriver:
             return outcome
         return self._heading(line, "HDM", _tenths(bare[1].replace(b".", b"")), None, None)
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a heading never waits."""
         return ()
 

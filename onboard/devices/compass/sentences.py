@@ -14,8 +14,8 @@ from onboard.devices.nmea import Form, Text
 
 PITCH_LIMIT_DEG: Final = 90.0
 ROLL_LIMIT_DEG: Final = 180.0
-TURN_LIMIT_DEG_MIN: Final = 21_600.0
-"""One full turn a second: no boat's rate."""
+TURN_LIMIT_DEG_MIN: Final = 7_200.0
+"""A full turn in three seconds. Some senders write 9999.9 for a rate they do not know."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ def _xdr(text: Text) -> AttitudeReading:
     for group in range(_XDR_GROUPS):
         kind, value, unit, name = (text(f"{what}{group}") for what in ("type", "value", "unit", "id"))
         number = fields.number(value, float("-inf"), float("inf"))
-        angle = ANGLE_NAMES.get(name)
+        angle = ANGLE_NAMES.get(name.upper())
         if angle is None:
             continue
         if angle in found:

@@ -87,7 +87,7 @@ class Tcm2Driver:
             return Rejected("empty", self.sensor)
         return Accepted(self.sensor, "TCM2", (_attitude(self.sensor, t_ns, word),))
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a heading never waits."""
         return ()
 

@@ -1,8 +1,10 @@
 """NMEA receivers (BU-353-S4, u-blox and others): one Fix for each receiver epoch.
 
 Position from GGA, else GNS, RMC, GLL; SOG and COG from RMC, else VTG; mode and dilutions from GSA; date from the
-epoch's own RMC or ZDA. VTG and GSA carry no time and belong to the epoch that is open. One antenna with the talkers GP,
-GL, GA and GN is one sensor.
+epoch's own RMC or ZDA. One antenna with the talkers GP, GL, GA and GN is one sensor.
+
+VTG and GSA carry no time, and some receivers send them before the position. They wait for the next sentence with a
+time, or for quiet: of the epoch before or of the one after, by the longest pause among them.
 """
 
 from typing import Final
@@ -13,8 +15,8 @@ from common.sensors import SensorTable
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices import nmea
 from onboard.devices.base import Accepted, Ignored, Line, Measurement, Outcome, Rejected
-from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, fix_of
-from onboard.devices.gps.sentences import FORMS, Gsa, Rmc, Timed, Untimed, Vtg, Zda
+from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, UntimedLine, epoch_of_each, fix_of
+from onboard.devices.gps.sentences import FORMS, Gsa, Rmc, Timed, Vtg, Zda
 from onboard.devices.sentence import address, check_sentence
 
 BURST_FORMATTERS: Final = frozenset({"GSV", "GST", "GBS", "GRS", "DTM", "TXT", "MSS", "ALM"})
@@ -23,6 +25,8 @@ between the GGA and the RMC of one epoch."""
 
 PLAUSIBLE_UTC_NS: Final = (1_704_067_200 * NS_PER_S, 3_471_292_800 * NS_PER_S)
 """2024-01-01 to 2080-01-01: older is a receiver's default date or a week rollover, and `80` is GPS's year 1980."""
+BUSY_NS: Final = 400 * NS_PER_MS
+"""An epoch is complete after so long even where other devices leave the port no quiet."""
 _CLOCK_MODES: Final = frozenset({"A", "D", "F", "P", "R"})
 RMC_RULES_NS: Final = 10 * NS_PER_S
 """So long after a ClockPair of RMC the time of ZDA is not taken: some receivers date ZDA ahead (an AC12 by 2 s)."""
@@ -37,6 +41,9 @@ class GpsDriver:
         self._latency_ns = round(table.latency_ms * NS_PER_MS)
         self._open: Epoch | None = None
         self._closed: Epoch | None = None
+        self._waiting: list[UntimedLine] = []
+        self._last_ns = 0
+        """End of the receiver's last line."""
         self._rmc_paired_ns: int | None = None
         self._watch = RepeatWatch()
 
@@ -53,15 +60,20 @@ class GpsDriver:
         Reasons: those of `check_sentence` and `nmea.read`.
         """
         outcome = self._decode(line)
-        if self._open is not None:
+        self._last_ns = line.t_ns if line.end_ns is None else line.end_ns
+        if self._open is not None and not self._waiting:
             # Damaged sentences too are a sign that the burst goes on.
-            self._open.last_ns = max(self._open.last_ns, line.t_ns if line.end_ns is None else line.end_ns)
+            self._open.last_ns = max(self._open.last_ns, self._last_ns)
         return outcome
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:
-        """The Fix of an epoch whose last byte is 150 ms old at `now_ns` (`LineSplitter.complete_until`)."""
-        if self._open is None or now_ns - self._open.last_ns < QUIET_NS:
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:
+        """The Fix of an epoch after 150 ms of quiet on the port, or 400 ms without a sentence of the receiver."""
+        if now_ns - max(self._last_ns, heard_ns) < QUIET_NS and now_ns - self._last_ns < BUSY_NS:
             return ()
+        if self._open is None:
+            self._waiting.clear()
+            return ()
+        self._settle(len(self._waiting))
         return self._close()
 
     def _decode(self, line: Line) -> Outcome:
@@ -76,15 +88,10 @@ class GpsDriver:
         raw = RawLine(sensor=self.sensor, t_ns=line.t_ns, text=sentence.text)
         name = sentence.talker + sentence.formatter
         if isinstance(reading, Vtg | Gsa):
-            self._join_untimed(name, reading, line.t_ns)
+            self._waiting.append(UntimedLine(name, reading, line.t_ns, line.end_ns or line.t_ns, self._last_ns))
             return Accepted(self.sensor, sentence.formatter, (raw,))
         epoch, due = self._join_timed(name, reading, line.t_ns)
         return Accepted(self.sensor, sentence.formatter, (*due, raw, *self._clock_pair(epoch, reading)))
-
-    def _join_untimed(self, name: str, reading: Untimed, t_ns: int) -> None:
-        """Into the open epoch, unless that has been quiet and only waits for its flush."""
-        if self._open is not None and t_ns - self._open.last_ns < QUIET_NS:
-            self._open.add(name, reading)
 
     def _join_timed(self, name: str, reading: Timed, t_ns: int) -> tuple[Epoch, tuple[Measurement, ...]]:
         """The epoch the sentence went into, and what its coming completed."""
@@ -92,10 +99,21 @@ class GpsDriver:
         # A closed epoch still takes a late sentence: its Fix is out, and a second one would be fused twice.
         epoch = self._open or self._closed
         if epoch is None or not epoch.holds(reading.tod_ms, name, t_ns):
+            before = epoch_of_each(self._waiting, self._last_ns, t_ns, open_before=self._open is not None)
+            self._settle(before)
             due = self._close()
-            epoch = self._open = Epoch(t_ns, t_ns, reading.tod_ms)
+            first_ns = self._waiting[0].t_ns if self._waiting else t_ns
+            epoch = self._open = Epoch(first_ns, t_ns, reading.tod_ms)
+        self._settle(len(self._waiting))
         epoch.add(name, reading)
         return epoch, due
+
+    def _settle(self, count: int) -> None:
+        """The first `count` of the waiting sentences belong to the open epoch."""
+        settled, self._waiting = self._waiting[:count], self._waiting[count:]
+        if self._open is not None:
+            for line in settled:
+                self._open.add(line.name, line.reading)
 
     def _close(self) -> tuple[Measurement, ...]:
         epoch, self._open = self._open, None

@@ -139,6 +139,37 @@ def _has_solution(reading: EpochReading) -> bool:
     return isinstance(reading, Vtg | Zda) or reading.position is not None
 
 
+@dataclass(frozen=True, slots=True)
+class UntimedLine:
+    """A sentence without time that waits for its epoch."""
+
+    name: str
+    """Talker and formatter."""
+    reading: Untimed
+    t_ns: int
+    end_ns: int
+    before_ns: int
+    """End of the receiver's line before it."""
+
+
+def epoch_of_each(waiting: list[UntimedLine], last_ns: int, next_ns: int, *, open_before: bool) -> int:
+    """How many of the waiting lines belong to the epoch before; the others to the one that begins at `next_ns`.
+
+    The longest pause between the lines is the pause between the bursts; of equal ones the last. Without an open epoch
+    only what follows each other closely up to `next_ns` belongs to the new one. last_ns: end of the receiver's last
+    line, one without decoding (GSV) included.
+    """
+    if not waiting:
+        return 0
+    begins = [line.t_ns for line in waiting[1:]] + [next_ns]
+    ends = [line.before_ns for line in waiting[1:]] + [last_ns]
+    pauses = [waiting[0].t_ns - waiting[0].before_ns, *(b - e for b, e in zip(begins, ends, strict=True))]
+    if open_before:
+        return max(range(len(pauses)), key=lambda place: (pauses[place], place))
+    apart = [place for place, pause in enumerate(pauses) if pause >= QUIET_NS]
+    return max(apart, default=0)
+
+
 def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool) -> Fix:
     """The Fix of a complete epoch, valid at `t_ns`."""
     graded, gsa, position = epoch.graded, epoch.gsa, epoch.position

@@ -158,6 +158,10 @@ def _gsa(text: Text) -> Gsa:
 def _gll(text: Text) -> Gll:
     mode = fields.letter(text("faa_mode"), MODES, "status")
     status_valid = _status(text, "AV")
+    if status_valid is None and not text("timestamp") and not mode:
+        status_valid = True  # before NMEA 2.0 it was the position alone, sent while there was one
+    if status_valid is None and text("lat"):
+        raise FieldFault("status")
     return Gll(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
         status_valid=status_valid,

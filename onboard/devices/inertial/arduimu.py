@@ -117,7 +117,7 @@ class ArduImuDriver:
             measurements.append(attitude)
         return Accepted(self.sensor, "ArduIMU", tuple(measurements))
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a sample never waits."""
         return ()
 

@@ -97,6 +97,6 @@ class TinkerKitDriver:
         rate = TurnRate(sensor=self.sensor, t_ns=t_ns, rate_deg_s=reading.rate_mdeg_s / 1000.0)
         return Accepted(self.sensor, NAME, (rate,))
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a rate never waits."""
         return ()

@@ -72,7 +72,7 @@ class AisDriver:
         ais = AisLine(sensor=self.sensor, t_ns=t_ns, text=sentence.text)
         return Accepted(self.sensor, sentence.formatter, (ais,))
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: parts are not waited for."""
         return ()
 

@@ -41,7 +41,7 @@ class RadarDriver:
         raw = RawLine(sensor=self.sensor, t_ns=line.t_ns, text=sentence.text)
         return Accepted(self.sensor, sentence.formatter, (target, raw))
 
-    def flush(self, now_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a target never waits."""
         return ()
 

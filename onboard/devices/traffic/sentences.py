@@ -66,9 +66,10 @@ def _ttm(text: Text) -> TargetReading:
     course = _direction(text("course"), text("course_reference"))
     cpa_m = _metres(text("cpa"), letter)
     tcpa_min = fields.number(text("tcpa"), -1e9, 1e9)
-    # While it acquires a target, and once it has lost it, the radar fills in speed 0 and its variation for the course.
+    # While it acquires a target, and once it has lost it, the radar fills in speed 0 and its variation for the course;
+    # the closest approach is reckoned from these.
     if status in ("acquiring", "lost"):
-        speed_kn, course = None, Bearing()
+        speed_kn, course, cpa_m = None, Bearing(), None
     if speed_kn == 0.0:
         course = Bearing()
     if cpa_m is None or tcpa_min is None or abs(tcpa_min) > _LONGEST_TCPA_MIN:
