@@ -2,7 +2,8 @@
 
     python -m benchmarks.daemon_load [--seconds 20] [--repeat 3] [--flood] [--out FILE]
 
-GPS 10 Hz (GGA, RMC, VTG, GSA), ArduIMU 100 Hz and compass 20 Hz on pseudo-terminals, 10 frames/s, one client.
+GPS 10 Hz (GGA, RMC, VTG, GSA), ArduIMU 100 Hz, three compasses 20 Hz and AIS 50/s on pseudo-terminals, 10 frames/s, one
+client. Exit code 1 when the memory of a run of ten minutes or more grew.
 What each figure means: benchmarks/README.md.
 """
 
@@ -29,6 +30,10 @@ WARM_UP_S: Final = 2.0
 SETTLE_S: Final = 2.2
 """After the last line: the frames it is in, and the health reports (once a second) that count it."""
 FLOOD_BUDGET_BYTES_S: Final = 20_000
+SOAK_S: Final = 600.0
+"""Runs of this length and more say their memory once a minute and are judged by it."""
+GROWTH_KB_H: Final = 512.0
+GROWTH_LEAST_KB: Final = 128.0
 FLOODED: Final = "compass99"
 GOALS: Final = ("goal", "<= 6 (flood 10)", "<= 40", "", "", "<= 1 / 10", "<= 2 / 20", "0", "0", "", "")
 HEAD: Final = (
@@ -80,13 +85,13 @@ class Figures:
 def config_text(ports: dict[str, str]) -> str:
     """The board's file: every device on its own port, no latency to take off."""
     parts = ['[boat]\nid = "benchmark"\n', "[frames]\nrate_hz = 10.0\n"]
-    rates = {"gps": 10, "imu": 100, "compass": 20, "flood": 20}
-    for number, (name, path) in enumerate(ports.items()):
+    rates = {"gps": 10, "imu": 100, "compass": 20, "ais": 50, "flood": 20}
+    for name, path in ports.items():
         kind = name.rstrip("123456789")
         budget = f"byte_budget_per_s = {FLOOD_BUDGET_BYTES_S}\n" if kind == "flood" else ""
         parts.append(f'[[port]]\nname = "{name}"\npath = "{path}"\nbaud = {BAUD[kind]}\n{budget}')
         role = "compass" if kind == "flood" else kind
-        sensor = FLOODED if kind == "flood" else f"{role}{number - 1 if role == 'compass' else 1}"
+        sensor = FLOODED if kind == "flood" else name if role == "compass" else f"{role}1"
         model = "arduimu" if role == "imu" else "nmea"
         parts.append(
             f'[[sensor]]\nid = "{sensor}"\nport = "{name}"\nrole = "{role}"\nmodel = "{model}"\n'
@@ -100,13 +105,13 @@ class Load:
     """What the devices do, and for how long it is measured."""
 
     seconds: float
-    compasses: int = 1
+    compasses: int = 3
     portion: int = 0
     flood: int = 0
 
     @property
     def name(self) -> str:
-        parts = ["standard" if self.compasses == 1 else f"{self.compasses} compasses"]
+        parts = ["standard" if self.compasses == 3 else f"{self.compasses} compasses"]
         parts += [f"{self.portion} B portions"] if self.portion else []
         parts += [f"flood {self.flood / 1e6:g} MB/s"] if self.flood else []
         return ", ".join(parts)
@@ -146,8 +151,9 @@ def _observe(load: Load, place: Path, ports: dict[str, str], feeders: list[Child
     config.write_text(config_text(ports), encoding="utf-8")
     program = str(Path(sys.executable).with_name("wayfix-onboard"))
     command = (program, "run", str(config), "--bind", "tcp://127.0.0.1:*", "--until-stdin-closes")
-    names = [*GPS_FIELDS, "imu1", *(name for name in ports if name.startswith("compass"))]
+    names = [*GPS_FIELDS, "imu1", "ais1", *(name for name in ports if name.startswith("compass"))]
     samples: list[tuple[float, int]] = []
+    said_s = [-math.inf]
     with (place / "log").open("w", encoding="utf-8") as log, child(*command, stderr=log) as daemon:
         pid = daemon.process.pid
 
@@ -156,6 +162,9 @@ def _observe(load: Load, place: Path, ports: dict[str, str], feeders: list[Child
             t_s = time.monotonic()
             if not samples or t_s - samples[-1][0] >= max(5.0, load.seconds / 200):
                 samples.append((t_s, kilobytes(pid, "smaps_rollup", "Anonymous:")))
+                if load.seconds >= SOAK_S and t_s - said_s[-1] >= 60:
+                    said_s.append(t_s)
+                    say_memory(pid, t_s - samples[0][0])
 
         client = Client(daemon.line()["ready"]["bind"], names)
         for feeder in feeders:
@@ -224,6 +233,24 @@ def _stamps(sent: dict[str, list[int]], client: Client, begin_ns: int, end_ns: i
     return stamps_ns, lost
 
 
+def say_memory(pid: int, t_s: float) -> None:
+    """Once a minute of a soak."""
+    pss_kb, own_kb = (kilobytes(pid, "smaps_rollup", key) for key in ("Pss:", "Anonymous:"))
+    print(f"{t_s / 60:5.0f} min: PSS {pss_kb} kB, own {own_kb} kB", file=sys.stderr, flush=True)
+
+
+def verdict(run: Figures) -> str | None:
+    """Why a soak failed; `None` = memory is flat, or the run was too short to tell."""
+    slope = run.own_slope_kb_h
+    if run.seconds < SOAK_S or slope is None:
+        return None
+    # In the last three quarters of the run, and per hour: single pages more or less are no growth.
+    rise_kb = slope * 0.75 * run.seconds / 3600
+    if slope > GROWTH_KB_H and rise_kb > GROWTH_LEAST_KB:
+        return f"memory grows: {slope:.0f} kB/h, {rise_kb:.0f} kB in the last three quarters"
+    return None
+
+
 def quantile(values: Sequence[int], share: float) -> float:
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, math.floor(share * len(ordered)))]
@@ -264,11 +291,11 @@ def table_row(runs: Sequence[Figures]) -> str:
     )
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0, help="measured time of one run (default 20)")
     parser.add_argument("--repeat", type=int, help="runs (default 3, and 1 for runs of more than a minute)")
-    parser.add_argument("--compasses", type=int, default=1, help="each on a port of its own (default 1)")
+    parser.add_argument("--compasses", type=int, default=3, help="each on a port of its own (default 3)")
     parser.add_argument(
         "--portion", type=int, default=0, metavar="BYTES", help="write lines as a UART would, 16 at a time"
     )
@@ -289,7 +316,11 @@ def main() -> None:
     print(line)
     if arguments.out is not None:
         arguments.out.write_text(f"{line}\n", encoding="utf-8")
+    grown = [words for run in runs if (words := verdict(run)) is not None]
+    if arguments.seconds >= SOAK_S:
+        print("; ".join(grown) or "memory is flat", file=sys.stderr)
+    return 1 if grown else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

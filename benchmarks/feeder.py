@@ -1,9 +1,10 @@
 """Devices on pseudo-terminals, in a process of its own that notes when each line's first byte was written.
 
-    python -m benchmarks.feeder [--compasses N] [--portion BYTES] [--flood BYTES_PER_S]
+    python -m benchmarks.feeder [--compasses N] [--portion BYTES] [--twice] [--flood BYTES_PER_S]
 
-First line of standard output: {"ports": {name: path}}. The first line on standard input starts the devices, the second
-stops them; then comes the log: {"sent": {stream: [t_ns, ...]}, "refused": writes a full pty took only in part, ...}.
+First line of standard output: {"ports": {name: path}, "twins": the same once more, which get the same bytes}. The first
+line on standard input starts the devices, the second stops them; then comes the log: {"sent": {stream: [t_ns, ...]},
+"refused": writes a full pty took only in part, ...}.
 The end of standard input ends the process, and the ports with it.
 Line n of a stream carries n % MODULUS[stream] in one of its values, so that a reader can tell the lines apart.
 """
@@ -22,6 +23,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import reduce
 from operator import xor
+from pathlib import Path
 from typing import Final
 
 from common.clock import boottime_ns
@@ -30,13 +32,15 @@ from common.units import NS_PER_MS, NS_PER_S
 GPS_PERIOD_MS: Final = 100
 IMU_PERIOD_MS: Final = 10
 COMPASS_PERIOD_MS: Final = 50
+AIS_PERIOD_MS: Final = 20
 GPS_SENTENCE_MS: Final = 20
 """From one sentence of an epoch to the next."""
-BAUD: Final = {"gps": 57_600, "imu": 230_400, "compass": 19_200, "flood": 115_200}
+BAUD: Final = {"gps": 57_600, "imu": 230_400, "compass": 19_200, "ais": 38_400, "flood": 115_200}
 
 GPS_FIELDS: Final = {"GGA": 9, "RMC": 7, "VTG": 5, "GSA": 15}
 """Where the sentence carries its number: altitude, speed, speed, PDOP."""
-MODULUS: Final = {**dict.fromkeys(GPS_FIELDS, 5_000), "imu": 60_000, "compass": 3_600}
+MODULUS: Final = {**dict.fromkeys(GPS_FIELDS, 5_000), "imu": 60_000, "compass": 3_600, "ais": 100_000}
+FIRST_MMSI: Final = 230_000_000
 IMU_FIRST_COUNT: Final = -30_000
 
 _START: Final = datetime(2026, 11, 22, 8, tzinfo=UTC)
@@ -79,6 +83,32 @@ def compass_line(n: int) -> bytes:
     return nmea(f"HCHDG,{n % MODULUS['compass'] / 10:05.1f},0.0,E,8.5,E")
 
 
+def ais_line(n: int) -> bytes:
+    """A position report of type 1; the number is in the ship's own, the MMSI."""
+    bits = 1 << 162  # type, 6 of 168 bits; MMSI, speed, longitude, latitude, course and heading follow
+    for value, end in (
+        (FIRST_MMSI + n % MODULUS["ais"], 38),
+        (52, 60),
+        (22 * 600_000, 89),
+        (60 * 600_000, 116),
+        (1234, 128),
+        (123, 137),
+    ):
+        bits |= value << 168 - end
+    sixes = [bits >> 162 - 6 * place & 63 for place in range(28)]
+    payload = "".join(chr(six + (48 if six < 40 else 56)) for six in sixes)
+    return b"!" + nmea(f"AIVDM,1,1,,A,{payload},0")[1:]
+
+
+def ais_number(sentence: str) -> int:
+    """The line's number, from what `ais_line` made."""
+    bits = 0
+    for character in sentence.split(",")[5][:7]:
+        code = ord(character) - 48
+        bits = bits << 6 | (code - 8 if code > 40 else code)
+    return (bits >> 4 & (1 << 30) - 1) - FIRST_MMSI
+
+
 @dataclass(slots=True)
 class Stream:
     """Lines of one kind on one port, at a fixed period."""
@@ -91,9 +121,9 @@ class Stream:
     sent_ns: list[int] = field(default_factory=list)
 
 
-def streams(compasses: int) -> list[Stream]:
+def streams(compasses: int, *, imu: bool) -> list[Stream]:
     """The standard load; where in a frame the devices begin is drawn anew for each run."""
-    phases = (random.randrange(GPS_PERIOD_MS * NS_PER_MS) for _ in range(2 + compasses))
+    phases = (random.randrange(GPS_PERIOD_MS * NS_PER_MS) for _ in range(3 + compasses))
     gps_ns = next(phases)
     found = []
     for place, formatter in enumerate(GPS_FIELDS):
@@ -103,7 +133,9 @@ def streams(compasses: int) -> list[Stream]:
             return gps_line(formatter, n)
 
         found.append(Stream(formatter, "gps", GPS_PERIOD_MS * NS_PER_MS, phase_ns, make))
-    found.append(Stream("imu1", "imu", IMU_PERIOD_MS * NS_PER_MS, next(phases), imu_line))
+    found.append(Stream("ais1", "ais", AIS_PERIOD_MS * NS_PER_MS, next(phases), ais_line))
+    if imu:
+        found.append(Stream("imu1", "imu", IMU_PERIOD_MS * NS_PER_MS, next(phases), imu_line))
     for number in range(1, compasses + 1):
         name = f"compass{number}"
         found.append(Stream(name, name, COMPASS_PERIOD_MS * NS_PER_MS, next(phases), compass_line))
@@ -113,19 +145,36 @@ def streams(compasses: int) -> list[Stream]:
 class Ptys:
     """Master ends, with a slave end kept open, so that the raw mode stays."""
 
-    def __init__(self, names: list[str]) -> None:
+    def __init__(self, names: list[str], twice: bool = False) -> None:
         self.masters: dict[str, int] = {}
         self.paths: dict[str, str] = {}
+        self.twins: dict[str, int] = {}
+        self.twin_paths: dict[str, str] = {}
         for name in names:
-            self.masters[name], slave = os.openpty()
-            tty.setraw(slave)
-            os.set_blocking(self.masters[name], False)
-            self.paths[name] = os.ttyname(slave)
+            self.masters[name], self.paths[name] = self._opened()
+            if twice:
+                self.twins[name], self.twin_paths[name] = self._opened()
+        self.twins_refused = 0
+
+    @staticmethod
+    def _opened() -> tuple[int, str]:
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        path = os.ttyname(slave)
+        Path(path).chmod(0o666)  # gpsd opens it as a user of its own
+        return master, path
 
     def write(self, name: str, data: bytes) -> int:
         """Bytes the terminal took."""
+        if name in self.twins:
+            self.twins_refused += self._write(self.twins[name], data) < len(data)
+        return self._write(self.masters[name], data)
+
+    @staticmethod
+    def _write(master: int, data: bytes) -> int:
         try:
-            return os.write(self.masters[name], data)
+            return os.write(master, data)
         except BlockingIOError:
             return 0
 
@@ -189,10 +238,13 @@ def main() -> None:
     parser.add_argument("--compasses", type=int, default=1)
     parser.add_argument("--portion", type=int, default=0)
     parser.add_argument("--flood", type=int, default=0)
+    parser.add_argument("--twice", action="store_true", help="every port twice, with the same bytes; without the IMU")
     arguments = parser.parse_args()
-    sources = [] if arguments.flood else streams(arguments.compasses)
-    ptys = Ptys(["flood"] if arguments.flood else list(dict.fromkeys(stream.port for stream in sources)))
-    print(json.dumps({"ports": ptys.paths}), flush=True)
+    sources = [] if arguments.flood else streams(arguments.compasses, imu=not arguments.twice)
+    ptys = Ptys(
+        ["flood"] if arguments.flood else list(dict.fromkeys(stream.port for stream in sources)), arguments.twice
+    )
+    print(json.dumps({"ports": ptys.paths, "twins": ptys.twin_paths}), flush=True)
     sys.stdin.readline()
     stop = threading.Event()
     threading.Thread(target=_wait_for_line, args=(stop,), daemon=True).start()
@@ -203,6 +255,7 @@ def main() -> None:
         log["bytes"] = flood(ptys, arguments.flood, stop)
     else:
         log["refused"] = feed(ptys, sources, stop, arguments.portion)
+    log["twins_refused"] = ptys.twins_refused
     log["seconds"] = time.monotonic() - begin_s
     log["cpu_percent"] = 100 * (time.process_time() - before_s) / (time.monotonic() - begin_s)
     log["sent"] = {stream.name: stream.sent_ns for stream in sources}

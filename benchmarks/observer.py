@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import zmq
 
-from benchmarks.feeder import GPS_FIELDS, IMU_FIRST_COUNT, MODULUS
+from benchmarks.feeder import GPS_FIELDS, IMU_FIRST_COUNT, MODULUS, ais_number
 from common import session
 from common.clock import boottime_ns
 from common.codec import decode_frame
@@ -81,6 +81,12 @@ def usage(pid: int) -> Usage:
     total = sum(machine)
     idle = machine[3] + machine[4]
     return Usage(boottime_ns(), int(after_name[11]), int(after_name[12]), time.process_time(), total - idle, total)
+
+
+def processor_ns(pid: int) -> int:
+    """Time all threads of a process have run, finer than the ticks of `usage`."""
+    tasks = Path(f"/proc/{pid}/task").glob("*/schedstat")
+    return sum(int(task.read_text(encoding="ascii").split()[0]) for task in tasks)
 
 
 def kilobytes(pid: int, file: str, key: str) -> int:
@@ -176,6 +182,8 @@ class Client:
         for heading in frame.headings:
             if heading.sensor in self.streams and heading.heading_mag_deg is not None:
                 self.streams[heading.sensor].add(round(heading.heading_mag_deg * 10), heading.t_ns)
+        for message in frame.ais:
+            self.streams[message.sensor].add(ais_number(message.text), message.t_ns)
         for report in frame.health:
             self.accepted[report.sensor] = report.accepted
             self.rejected[report.sensor] = sum(report.rejected.values())

@@ -21,6 +21,8 @@ REPORT_NS: Final = NS_PER_S
 RATE_WINDOW_REPORTS: Final = 5
 QUIET_NS: Final = 30 * NS_PER_S
 """After this an event sensor's reason says for how long it has been quiet."""
+SHORTEST_SILENT_BYTES: Final = 512
+"""Fewer bytes without a line end may be the beginning of a line."""
 HINT_NS: Final = 10 * NS_PER_S
 LONGEST_REOPEN_PAUSE_NS: Final = 60 * NS_PER_S
 MAX_REASON: Final = 256
@@ -183,6 +185,8 @@ class SensorMonitor:
         bad = self.rejected - self._rejected_then
         if self.wire.flooded:
             return f"{count} bytes came, more than the port's byte budget: no whole line of this sensor is left of them"
+        if count < SHORTEST_SILENT_BYTES and not bad and self.wire.readable == self._readable_then:
+            return f"{count} bytes came, no whole line yet"
         if self.wire.readable == self._readable_then and 2 * bad["not-ascii"] >= bad.total():
             return f"{count} bytes came, none readable: wrong baud rate?"
         if bad:

@@ -164,6 +164,15 @@ def test_wrong_baud_rate_is_named() -> None:
     assert watched.state(NS_PER_S)[1] == "500 bytes came, none readable: wrong baud rate?"
 
 
+def test_the_first_bytes_of_a_line_accuse_nobody() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    watched.wire.heard_bytes += 1
+    assert watched.state(NS_PER_S)[1] == "1 bytes came, no whole line yet"
+    watched.wire.heard_bytes += 600
+    assert watched.state(NS_PER_S)[1] == "601 bytes came, none readable: wrong baud rate?"
+
+
 def damage_events(shares: list[tuple[int, int]]) -> list[str]:
     """Codes told when in each second so many lines come whole and so many damaged."""
     wire = Wire()

@@ -116,7 +116,9 @@ def test_a_socket_in_use_is_one_sentence(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         file = write_config(tmp_path, bind=f"tcp://127.0.0.1:{port}")
         assert "cannot listen there (Address already in use)" in refused("wayfix-onboard", "run", file)
-    assert "cannot listen there" in refused("wayfix-onboard", "run", write_config(tmp_path, bind="nonsense"))
+    for verb in ("run", "check"):
+        file = write_config(tmp_path, bind="nonsense")
+        assert "link.bind: must be tcp://ADDRESS:PORT" in refused("wayfix-onboard", verb, file)
 
 
 @pytest.mark.parametrize("is_damaged", [True, False])
