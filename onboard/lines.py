@@ -20,7 +20,8 @@ SLOWEST_LINE_NS: Final = 1_100 * NS_PER_MS
 """What `LONGEST_LINE` takes at 4800 baud: a partial line older than this is no line in progress."""
 
 _LINE_END = re.compile(rb"[\r\n]")
-_LINE_START: Final = b"$!"
+_LINE_START: Final = b"$!%\\"
+"""Sentences, KVH's own lines, tag blocks."""
 
 
 class LineSplitter:

@@ -99,10 +99,12 @@ class Player:
     def _lines(self, name: str, start_ns: int) -> Iterator[SerialLine]:
         item = self._paced[name]
         end_ns = None if self._seconds is None else start_ns - self._offsets_ns[name] + round(self._seconds * NS_PER_S)
-        for number, at_ns, data in zip(item.recording.numbers, item.schedule.at_ns, item.recording.lines, strict=True):
-            t_ns = start_ns + at_ns
-            if end_ns is not None and t_ns >= end_ns:
+        recording = item.recording
+        times_ns = zip(item.schedule.at_ns, item.starts_ns, strict=True)
+        for number, (at_ns, begins_ns), data in zip(recording.numbers, times_ns, recording.lines, strict=True):
+            if end_ns is not None and start_ns + begins_ns >= end_ns:
                 return
+            t_ns = start_ns + at_ns
             yield SerialLine(t_ns, data, {"port": name, "line": number, "t_ns": t_ns})
 
     def _tell(self) -> None:

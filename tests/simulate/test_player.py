@@ -163,3 +163,10 @@ def test_a_damaged_sentence_is_played_too(tmp_path: Path) -> None:
     bad = sealed("GPGGA,1")[:-1] + b"Z"
     player = Player([write(tmp_path, "a.log", gga(1), bad, b"\xff\x00", b"# later", gga(2))])
     assert [line.data.strip() for line in player.lines(0, 1.0)["a"]] == [gga(1), bad, b"\xff\x00", b"# later", gga(2)]
+
+
+def test_only_the_beginning_of_a_recording_without_times(tmp_path: Path) -> None:
+    source = write(tmp_path, "a.log", *[HDG] * 1000)
+    player = Player([source], baud=4800, seconds=1.0)
+    played = sum(len(line.data) for line in player.lines(0, 1.0)["a"])
+    assert 480 <= played <= 480 + len(HDG) + 2
