@@ -34,8 +34,9 @@ _LIST_OF: Final[dict[type, str]] = {
     AisLine: "ais",
     RadarTarget: "radar",
     RawLine: "raw",
+    Event: "events",
 }
-_LISTS: Final = (*_LIST_OF.values(), "events")
+_LISTS: Final = tuple(_LIST_OF.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +116,6 @@ class Framer:
         """Take one measurement or event into the frame being gathered."""
         if isinstance(measurement, ImuSample):
             self._imus[measurement.sensor].add(measurement)
-        elif isinstance(measurement, Event):
-            self._lists["events"].append(measurement)
         else:
             self._lists[_LIST_OF[type(measurement)]].append(measurement)
 

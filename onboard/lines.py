@@ -8,7 +8,6 @@ Two sentences run together by a lost line end come out as one line: only a decod
 in the middle, and it rejects them (`onboard.devices.sentence`).
 """
 
-import re
 from typing import Final
 
 from common.units import NS_PER_MS
@@ -19,7 +18,6 @@ LONGEST_LINE: Final = 512
 SLOWEST_LINE_NS: Final = 1_100 * NS_PER_MS
 """What `LONGEST_LINE` takes at 4800 baud: a partial line older than this is no line in progress."""
 
-_LINE_END = re.compile(rb"[\r\n]")
 _LINE_START: Final = b"$!%\\"
 """Sentences, KVH's own lines, tag blocks."""
 
@@ -53,11 +51,13 @@ class LineSplitter:
             self._fresh = False
             self._resync = data[0] not in _LINE_START
         lines: list[Line] = []
-        *whole, rest = _LINE_END.split(data)
+        *whole, rest = data.replace(b"\r", b"\n").split(b"\n")
         for piece in whole:
-            self._add(piece, t_ns)
+            if piece:
+                self._add(piece, t_ns)
             self._end(t_ns, lines)
-        self._add(rest, t_ns)
+        if rest:
+            self._add(rest, t_ns)
         return lines
 
     def note_cut(self) -> None:
@@ -82,8 +82,6 @@ class LineSplitter:
     def _add(self, piece: bytes, t_ns: int) -> None:
         if self._resync:
             self.discarded_bytes += len(piece)
-            return
-        if not piece:
             return
         if len(self._pending) + len(piece) > LONGEST_LINE:
             self._discard_pending()

@@ -67,5 +67,5 @@ def _split(sentence: Sentence, names: tuple[str, ...]) -> tuple[list[str], Mappi
     """Fields after the address, and the place of each name."""
     if names:
         return sentence.text[:-3].split(",")[1:], {name: place for place, name in enumerate(names)}
-    parsed = pynmea2.parse(sentence.text)
+    parsed = pynmea2.parse(sentence.text[:-3])  # without the checksum, which is right: it would be worked out again
     return parsed.data, type(parsed).name_to_idx

@@ -11,8 +11,6 @@ own checksum. Text before the `$` is the rest of another sentence, and the line 
 
 import re
 from dataclasses import dataclass
-from functools import reduce
-from operator import xor
 from typing import Final
 
 LONGEST_SENTENCE: Final = 512
@@ -24,10 +22,10 @@ _TAG_BLOCK = re.compile(rb"\\[ -\[\]-~]*\\")
 # The last byte of a binary packet may be a `$` too.
 _START = re.compile(rb"[$!](?![$!])")
 _TEXT: Final = bytes((*b"\t", *range(0x20, 0x7F)))
-_PRINTABLE = re.compile(rb"[ -~]*")
 _PADDING: Final = b" \t\0"
 """What editors and loggers leave behind a sentence."""
 _CHECKSUM = re.compile(rb"\*[0-9A-Fa-f]{2}")
+_HALVES: Final = tuple(8 * LONGEST_SENTENCE >> step for step in range(1, 10))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +58,17 @@ def sentence_of(data: bytes) -> bytes:
     return data if start is None else data[start.start() :]
 
 
+def checksum(data: bytes) -> int:
+    """XOR of at most 512 bytes: the upper half of one big number is laid over its lower half, until a byte is left.
+
+    Several times as fast as byte by byte, and this is done for every line.
+    """
+    value = int.from_bytes(data, "big")
+    for bits in _HALVES:
+        value ^= value >> bits
+    return value & 0xFF
+
+
 def check_sentence(data: bytes) -> Sentence | str:
     """The sentence, or why it is none.
 
@@ -69,7 +78,7 @@ def check_sentence(data: bytes) -> Sentence | str:
     if len(data) > LONGEST_SENTENCE:
         return "too-long"
     data = sentence_of(data).rstrip(_PADDING)
-    if not _PRINTABLE.fullmatch(data):
+    if not data.isascii() or not (text := data.decode("ascii")).isprintable():
         return "not-ascii"
     if data[:1] not in (b"$", b"!"):
         return "not-nmea"
@@ -78,7 +87,7 @@ def check_sentence(data: bytes) -> Sentence | str:
     body = data[1:-3]
     if b"$" in body or b"!" in body or b"*" in body:
         return "run-together"
-    if reduce(xor, body, 0) != int(data[-2:], 16):
+    if checksum(body) != int(data[-2:], 16):
         return "checksum"
     talker, formatter = address(data) or ("", "")
-    return Sentence(talker, formatter, data.decode("ascii"))
+    return Sentence(talker, formatter, text)

@@ -5,7 +5,6 @@ electronics, can switch the checksum off (or put a serial number in its place): 
 """
 
 import re
-from dataclasses import replace
 from typing import Final
 
 from common.clock import whole_us
@@ -17,7 +16,7 @@ from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
 from onboard.devices.compass import sentences
 from onboard.devices.compass.one_source import OneSource
 from onboard.devices.compass.sentences import AttitudeReading, Forms, HeadingReading, HprReading, TurnReading
-from onboard.devices.sentence import address, check_sentence, sentence_of
+from onboard.devices.sentence import Sentence, address, check_sentence, sentence_of
 
 _OWN = re.compile(rb"\$(PTNT[A-Z]{3}),")
 """Honeywell's own sentences have no talker."""
@@ -71,8 +70,11 @@ class CompassDriver:
         sentence = check_sentence(line.data)
         if isinstance(sentence, str):
             return Rejected(sentence, self.sensor)
-        talker, formatter = _address(line.data)
-        reading = nmea.read(replace(sentence, formatter=formatter), self._forms)
+        talker, formatter = sentence.talker, sentence.formatter
+        if not formatter:  # a maker's own
+            talker, formatter = _address(line.data)
+            sentence = Sentence(talker, formatter, sentence.text)
+        reading = nmea.read(sentence, self._forms)
         if isinstance(reading, str):
             return Rejected(reading, self.sensor)
         source, t_ns = talker + formatter, whole_us(line.t_ns - self._latency_ns)
@@ -161,5 +163,8 @@ def hmr3000(table: SensorTable) -> CompassDriver:
 
 def _address(data: bytes) -> tuple[str, str]:
     """Talker and formatter; of a maker's own sentence no talker and the whole name; both empty = neither."""
+    found = address(data)
+    if found is not None:
+        return found
     own = _OWN.match(sentence_of(data))
-    return ("", own[1].decode("ascii")) if own else address(data) or ("", "")
+    return ("", "") if own is None else ("", own[1].decode("ascii"))

@@ -12,8 +12,6 @@ is left out of the AisLine, whose text is the sentence. Its time is not used: th
 """
 
 import re
-from functools import reduce
-from operator import xor
 from typing import Final
 
 from common.clock import whole_us
@@ -21,18 +19,15 @@ from common.messages import AisLine
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
 from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
-from onboard.devices.sentence import LONGEST_SENTENCE, address, check_sentence
+from onboard.devices.sentence import LONGEST_SENTENCE, address, check_sentence, checksum
 
 FORMATTERS: Final = frozenset({"VDM", "VDO"})
 
 _TAG_BLOCK = re.compile(rb"\\([ -)+-\[\]-~]*)\*([0-9A-Fa-f]{2})\\")
-_PARTS = re.compile(r"[1-9]")
-_SEQUENCE = re.compile(r"[0-9]?")
-_CHANNEL = re.compile(r"[A-Z0-9]?")
+_FIELDS = re.compile(r"!\w{5},([1-9]),([1-9]),[0-9]?,[A-Z0-9]?,([^,]*),[0-5](?:,[0-9]*)?")
+"""Parts, part, sequence, channel, payload, fill, a further number."""
 _PAYLOAD = re.compile(r"[0-W`-w]*")
 """The 64 characters that stand for six bits each."""
-_FILL = re.compile(r"[0-5]")
-_EXTRA = re.compile(r"[0-9]*")
 
 
 class AisDriver:
@@ -87,20 +82,14 @@ def _split(data: bytes) -> tuple[bytes | None, bytes]:
 
 def _is_whole(block: bytes) -> bool:
     match = _TAG_BLOCK.fullmatch(block)
-    return match is not None and reduce(xor, match[1], 0) == int(match[2], 16)
+    return match is not None and checksum(match[1]) == int(match[2], 16)
 
 
 def _fault(text: str) -> str | None:
     """What is wrong with a sentence whose checksum is right."""
     if not text.startswith("!"):
         return "start"
-    found = text[:-3].split(",")[1:]
-    if len(found) not in (6, 7):
+    match = _FIELDS.fullmatch(text[:-3])
+    if match is None or match[2] > match[1]:
         return "fields"
-    parts, part, sequence, channel, payload, fill = found[:6]
-    forms = ((_PARTS, parts), (_PARTS, part), (_SEQUENCE, sequence), (_CHANNEL, channel), (_FILL, fill))
-    if not all(form.fullmatch(field) for form, field in forms) or part > parts:
-        return "fields"
-    if not _EXTRA.fullmatch("".join(found[6:])):
-        return "fields"
-    return None if _PAYLOAD.fullmatch(payload) else "payload"
+    return None if _PAYLOAD.fullmatch(match[3]) else "payload"
