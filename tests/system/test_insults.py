@@ -244,7 +244,9 @@ def test_a_replug_under_another_number_and_the_end_of_a_line_that_was_under_way(
 def test_an_open_but_silent_sensor_is_one_event_and_reopenings_are_none(tmp_path: Path) -> None:
     with rig(tmp_path, "one", "two", clock_rate=8, rate_hz=40) as board:
         device = board.devices["one"]
-        since, lines = speaking(board), len(board.daemon.err)
+        since = speaking(board)
+        board.until(lambda: sum(" delivers" in line for line in board.daemon.err) == 2)
+        lines = len(board.daemon.err)
         folder, path = Path(f"/proc/{board.daemon.popen.pid}/fd"), device.number
         seen = [True]
 
@@ -258,11 +260,11 @@ def test_an_open_but_silent_sensor_is_one_event_and_reopenings_are_none(tmp_path
         device.speaks = False
         began_ns = board.frames[-1].t1_ns
         told = board.until_event("sensor-silent", since=since)
-        assert 3.0 <= (told.t_ns - began_ns) / NS_PER_S < 4.0
-        assert "check cable" in next(line for line in board.daemon.err if "is silent for" in line)
+        assert 3.0 <= (told.t_ns - began_ns) / NS_PER_S < 6.0
+        assert "check cable" in board.daemon.wait_for_words("is silent for")
         board.until(lambda: reopened() >= 3, 30)
         silent_s = (board.frames[-1].t1_ns - began_ns) / NS_PER_S
-        assert 15.0 < silent_s < 30.0  # after 3, 6 and 12 s, not every 3 s
+        assert 15.0 < silent_s < 40.0  # after 3, 6 and 12 s, not every 3 s
         assert board.health["compass1"].state == "silent"
         assert "nothing received for" in str(board.health["compass1"].reason)
         device.speaks = True
@@ -270,6 +272,7 @@ def test_an_open_but_silent_sensor_is_one_event_and_reopenings_are_none(tmp_path
         board.until_event("sensor-delivering", since=since)
         board.boat_seconds(4)
         assert board.told(since) == SILENCE
+        board.until(lambda: len(board.daemon.err) - lines >= 2)
         assert len(board.daemon.err) - lines == 2
         board.check_no_line_lost(board.devices["two"], "compass2")
     figure(f"silence of {silent_s:.0f} s with 3 reopenings: frames resume after {resumed_s:.2f} s of the boat clock")
@@ -384,6 +387,7 @@ def test_a_second_reader_that_steals_is_told_once_and_its_end_once(tmp_path: Pat
         thief = subprocess.Popen([sys.executable, "-c", THIEF, board.devices["one"].number])
         try:
             told = board.until_event("lines-damaged", since=since)
+            board.daemon.wait_for_words("gpsd, ModemManager")
             assert sum("gpsd, ModemManager" in line for line in board.daemon.err) == 1
             board.boat_seconds(8)
             assert "second reader" in str(board.health["compass1"].reason)
