@@ -24,8 +24,9 @@ from onboard.devices import PortDecoder, make_driver, recognised
 from onboard.devices.base import Accepted, Ignored, Measurement, Outcome, Rejected
 from onboard.devices.sentence import address
 from onboard.framer import Framer, Identity
-from onboard.health import DamageWatch, SensorMonitor, Wire
+from onboard.health import SensorMonitor
 from onboard.lines import LineSplitter
+from onboard.wire import DamageWatch, Wire
 
 COMPANIONS: Final = (RawLine, ClockPair)
 """What comes along with a measurement and is none itself: not counted in a sensor's rate."""

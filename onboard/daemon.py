@@ -84,12 +84,11 @@ class Daemon:
         self.acquisition = Acquisition(config, identity, self._next_tick_ns - self.period_ns, now_ns, _log_event)
         self.happened = self.acquisition.happened
         self.ports = [self._port(chain) for chain in self.acquisition.chains]
-        self.server = Server(self._connected, self.period_ns, self._link_event, clock.now_ns)
+        self.server = Server(self._connected, self.period_ns, self.happened, clock.now_ns)
         self._notifier = notifier or Notifier(None)
         self._mark = AliveMark(runtime_dir, identity)
         self.parts: list[Callable[[], bool]] = []
         """Each says whether it lives; the watchdog is fed only while all do."""
-        self._clients = 0
         self._stop = asyncio.Event()
         self._stop_reason = ""
 
@@ -188,11 +187,7 @@ class Daemon:
         if frame.t1_ns % NS_PER_S == 0:
             states = [monitor.state(frame.t1_ns)[0] for monitor in self.acquisition.monitors.values()]
             delivering = states.count("delivering")
-            self._notifier.status(status_text(self.config.boat.id, delivering, len(states), self._clients))
-
-    def _link_event(self, happening: Event) -> None:
-        self._clients += {"client-joined": 1, "client-left": -1}.get(happening.code, 0)
-        self.happened(happening)
+            self._notifier.status(status_text(self.config.boat.id, delivering, len(states), self.server.clients))
 
     def _connected(self) -> dict[str, Any]:
         return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)

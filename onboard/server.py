@@ -90,6 +90,11 @@ class Server:
         self._socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS)
         self._socket.setsockopt(zmq.HEARTBEAT_TTL, session.HEARTBEAT_TIMEOUT_MS)
 
+    @property
+    def clients(self) -> int:
+        """Sessions at this moment."""
+        return len(self._sessions)
+
     def bind(self, address: str) -> str:
         """Bind and return the endpoint in full (port `*` = any free one); raises WayfixError."""
         self._socket.setsockopt(zmq.IPV6, int("[" in address))

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from common.units import NS_PER_S
+from onboard.recorded.sentence_time import BITS_PER_BYTE, time_on_wire_ns
 
-BITS_PER_BYTE = 10
 FIFO_BYTES = 16
 """A UART hands its bytes over in portions of this size."""
 
@@ -46,13 +45,8 @@ def paced(lines: Iterable[SerialLine], baud: int, chunk_bytes: int) -> Iterator[
         start_ns = max(line.ready_ns, free_ns)
         begin, end = 0, 1
         while begin < len(line.data):
-            due_ns = start_ns + _time_of_ns(end - 1, baud)
+            due_ns = start_ns + time_on_wire_ns(end - 1, baud)
             last = end >= len(line.data)
             yield Chunk(due_ns, line.data[begin:end], line if last else None)
             begin, end = end, min(end + chunk_bytes, len(line.data))
-        free_ns = start_ns + _time_of_ns(len(line.data), baud)
-
-
-def _time_of_ns(count: int, baud: int) -> int:
-    """How long `count` bytes occupy the wire."""
-    return count * BITS_PER_BYTE * NS_PER_S // baud
+        free_ns = start_ns + time_on_wire_ns(len(line.data), baud)

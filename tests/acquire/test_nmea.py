@@ -12,7 +12,7 @@ from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Zda
 from onboard.devices.sentence import Sentence, address, check_sentence
 from tests.acquire.sentences import GGA, GSA, RMC, sealed
 
-FORMS: dict[str, nmea.Form[object]] = {**gps_sentences.FORMS, **compass_sentences.FORMS}
+FORMS: dict[str, nmea.Form[object]] = {**gps_sentences.FORMS, **compass_sentences.NMEA}
 
 
 def read(data: bytes) -> object:

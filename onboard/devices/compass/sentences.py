@@ -188,6 +188,3 @@ HSC100: Final[Forms] = {"HDG": HDG, "HDM": HDM, "HDT": HDT, "HCC": HCC, "ROT": R
 HMR3000: Final[Forms] = {"HDG": HDG, "HDT": HDT, "XDR": XDR, "PTNTHPR": HPR, "PTNTHTM": HTM}
 TCM2: Final[Forms] = {"HDM": HDM}
 KVH: Final[Forms] = {"HDG": HDG, "HDM": HDM, "HDT": HDT}
-
-FORMS: Final = NMEA
-"""What any compass may send."""
