@@ -124,6 +124,7 @@ class Port:
     def reopen(self) -> None:
         """Close and open a silent port again. No change is told: only a failure to open it would be one."""
         if self._device is not None:
+            log.debug("%s is silent: %s is opened anew", self.table.name, self.table.path)
             self._stop_reading()
             self._lost.set()
 
