@@ -54,7 +54,8 @@ class BoatTable:
 
     id: Annotated[str, MaxLength(64)]
     variation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
-    """Magnetic variation where the boat sails, east +; used when the compass does not send its own."""
+    """Magnetic variation where the boat sails, east +; used when the compass does not send its own.
+    Left out = by the World Magnetic Model, ashore."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +116,20 @@ class SensorTable:
     bias_accel_stb_m_s2: float = 0.0
     bias_yaw_rate_deg_s: float = 0.0
     """Thesis Eq. 3.3."""
+    bias_accel_sigma_m_s2: Annotated[float, Range(0.0, 10.0)] = 0.3
+    """What is left of the accelerometers' biases, each axis: the filters estimate it. 0 = calibrated, not estimated.
+    The default is a consumer sensor mounted by eye: 1.7 deg off level shows 0.3 m/s^2."""
+    bias_accel_walk_m_s2: Annotated[float, Range(0.0, 1.0)] = 0.002
+    """How fast that bias wanders: it changes by this in a second, by ten times as much in 100 s (m/s^2 / sqrt(s))."""
+    bias_yaw_rate_sigma_deg_s: Annotated[float, Range(0.0, 50.0)] = 1.0
+    bias_yaw_rate_walk_deg_s: Annotated[float, Range(0.0, 5.0)] = 0.005
+    tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = 0.2
+    """A hull that lifts its bow with speed u lets the forward accelerometer see c u |u| of gravity: 1-sigma of c, which
+    the filters estimate; 0 = no such state."""
+    lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
+    """GPS antenna, forward of the boat's reference point (the IMU)."""
+    lever_stb_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
+    """GPS antenna, starboard of it."""
     deviation_deg: Annotated[float, Range(-180.0, 180.0)] = 0.0
     """Compass deviation, east +: true = compass + deviation + variation."""
     use: tuple[Annotated[str, OneOf(IMU_AXES)], ...] = IMU_AXES

@@ -143,7 +143,7 @@ class Score:
         for reading in frame.headings:
             true = self._reader.true_heading(reading)
             if true is not None:
-                self._heading("compass", reading.t_ns, heading_deg(true.heading_rad))
+                self._heading("compass", reading.t_ns, heading_deg(float(true.heading_rad)))
 
     def take_estimate(self, record: dict[str, Any]) -> None:
         """One logged estimate (see `Estimate.as_record`)."""

@@ -1,6 +1,6 @@
 """Several filters carried side by side from one moment to the next; all they need to go back is in a `Moment`."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,9 +10,7 @@ from common.messages import ImuBlock
 from shore.navigation.beginning import first_state
 from shore.navigation.filters import Filter, FilterFacts, FilterState
 from shore.navigation.imu import Step
-from shore.navigation.measurements import Position, TrueHeading
-
-Measurement = Position | TrueHeading
+from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
 
 
 class Batch(NamedTuple):
@@ -35,7 +33,7 @@ class Moment:
     """One for each filter; `None` = waits for its start."""
     position: Position | None = None
     """The newest so far: filters start from these."""
-    heading: TrueHeading | None = None
+    heading: TrueHeading | Course | None = None
 
 
 class Bank:
@@ -56,15 +54,13 @@ class Bank:
         self, moment: Moment, t_ns: int, steps: Sequence[Step], measurements: Iterable[Measurement] = ()
     ) -> Moment:
         """Predict along `steps`, fuse what was measured at `t_ns`, start filters that can be started."""
-        fused = tuple(measurements)
+        fused = tuple(self._with_course(measurements))
         position, heading = moment.position, moment.heading
         for measured in fused:
-            if isinstance(measured, TrueHeading):
-                heading = measured
-            else:
+            if isinstance(measured, Position):
                 position = measured
-                if not self.has_compass and measured.course_rad is not None:
-                    heading = TrueHeading(measured.t_ns, measured.sensor, measured.course_rad)
+            else:
+                heading = measured
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             states = tuple(
                 self._begin(each, t_ns, position, heading)
@@ -74,8 +70,15 @@ class Bank:
             )
         return Moment(t_ns, states, position, heading)
 
+    def _with_course(self, measurements: Iterable[Measurement]) -> Iterator[Measurement]:
+        """The measurements; without a compass a fix gives its course as well."""
+        for measured in measurements:
+            yield measured
+            if isinstance(measured, Position) and not self.has_compass and measured.course_rad is not None:
+                yield Course(measured.t_ns, measured.sensor, measured.course_rad)
+
     def _begin(
-        self, each: Filter, t_ns: int, position: Position | None, heading: TrueHeading | None
+        self, each: Filter, t_ns: int, position: Position | None, heading: TrueHeading | Course | None
     ) -> FilterState | None:
         if position is None or heading is None:
             return None
@@ -90,12 +93,7 @@ class Bank:
         for step in steps:
             each.predict(step.dt_s, step.imu)
         for measured in fused:
-            if isinstance(measured, TrueHeading):
-                each.update_heading(measured.sensor, measured.heading_rad)
-                continue
-            each.update_position(measured.sensor, measured.east_m, measured.north_m)
-            if not self.has_compass and measured.course_rad is not None:
-                each.update_course(measured.sensor, measured.course_rad)
+            each.update(measured)
         after = each.snapshot()
         if after.healthy:
             return after

@@ -11,12 +11,11 @@ from common.geodesy import LocalPlane
 from common.messages import Frame
 from common.units import M_S_PER_KN
 from shore.navigation.filters import FilterState
-from shore.navigation.models import EAST, HEADING, NORTH, STATE_NAMES, STATE_SIZE, V_EAST, V_NORTH
+from shore.navigation.models import EAST, HEADING, NORTH, V_EAST, V_NORTH
+from shore.navigation.numbers import Number
 
 ALIGNED_DEG: Final = 10.0
 """Below this sigma the heading counts as known."""
-
-_UPPER: Final = np.triu_indices(STATE_SIZE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,9 +82,9 @@ def estimate_of(state: FilterState, name: str, t_ns: int, frame: Frame, plane: L
         boot_id=frame.boot_id,
         seq=frame.seq,
         filter=name,
-        names=STATE_NAMES,
+        names=state.space.names,
         state=tuple(values),
-        covariance=tuple(state.P[_UPPER].tolist()),
+        covariance=tuple(state.P[np.triu_indices(len(values))].tolist()),
         origin_lat_deg=plane.origin_lat_deg,
         origin_lon_deg=plane.origin_lon_deg,
         lat_deg=lat_deg,
@@ -108,6 +107,10 @@ def _channels(state: FilterState) -> dict[str, ChannelReport]:
         sigma = math.sqrt(noise.variance)
         is_angle = channel.endswith((".heading", ".course"))
         reports[channel] = ChannelReport(
-            sigma=math.degrees(sigma) if is_angle else sigma, dom_ratio=noise.dom_ratio, nis=noise.nis
+            sigma=math.degrees(sigma) if is_angle else sigma, dom_ratio=_plain(noise.dom_ratio), nis=_plain(noise.nis)
         )
     return reports
+
+
+def _plain(number: Number | None) -> float | None:
+    return None if number is None else float(number)

@@ -1,45 +1,78 @@
 """The filters by name, and the one interface they share: predict, update, snapshot, restore.
 
-A filter is a prediction (linear or unscented) joined with a rule for R. Its whole memory is one immutable
-`FilterState`, so a snapshot costs nothing and a restore is exact.
+A filter is a prediction (linear, extended or unscented) joined with a rule for its noise. Its whole memory is one
+immutable `FilterState`, so a snapshot costs nothing and a restore is exact. One engine for a boat and for many runs:
+the states are arrays (..., n), and measurements and inputs are floats for one boat, arrays (runs,) for a batch.
 """
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
+
+import numpy as np
 
 from common.errors import WayfixError
 from common.sensors import ROLES, BoatConfig, SensorTable
 from shore.navigation.adaptation import NOISE_RULES, Channel, ChannelNoise, NoiseRule
-from shore.navigation.kalman import predict_linear, update_scalar
-from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH, STILL, Array, ImuInput, ProcessNoise, wrapped
+from shore.navigation.kalman import (
+    Predicted,
+    Row,
+    predict_extended,
+    predict_linear,
+    prior_variance,
+    update_scalar,
+)
+from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
+from shore.navigation.models import (
+    EAST,
+    FIVE,
+    FREE_NOISE,
+    HEADING,
+    NORTH,
+    Extra,
+    Gaussian,
+    ImuInput,
+    ProcessNoise,
+    StateSpace,
+    body_to_plane,
+)
+from shore.navigation.numbers import Array, Number, larger, part, wrapped
 from shore.navigation.ukf import predict_unscented
 
-Predict = Callable[[Array, Array, float, ImuInput, ProcessNoise], tuple[Array, Array, int]]
+Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
 
 COURSE_SIGMA_DEG: Final = 20.0
 """A course over ground taken as heading (boats without compass): leeway, current and sideways motion of the antenna."""
+LARGEST_TILT_LEAK_PER_M: Final = 0.4
+"""Unbounded, the product of two uncertain states diverged when it was tried."""
 
 
 @dataclass(frozen=True, slots=True)
 class FilterState:
     """Everything a filter remembers; never changed in place."""
 
+    space: StateSpace
+    """Names the components of `x`."""
     x: Array
-    """State (5,), see `models.STATE_NAMES`."""
+    """State (..., n)."""
     P: Array
-    """Its covariance (5, 5)."""
+    """Its covariance (..., n, n)."""
     noise: Mapping[str, ChannelNoise]
     """R and its window for each channel measured so far."""
     repairs: int = 0
     """Predictions before which P needed jitter to be factored."""
 
     @property
+    def gaussian(self) -> Gaussian:
+        """What it believes."""
+        return Gaussian(self.space, self.x, self.P)
+
+    @property
     def healthy(self) -> bool:
         """All numbers finite and all variances positive."""
         total = float(self.x.sum()) + float(self.P.sum())
-        return math.isfinite(total) and float(self.P.diagonal().min()) > 0.0
+        return math.isfinite(total) and float(self.P.diagonal(axis1=-2, axis2=-1).min()) > 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,20 +81,25 @@ class FilterFacts:
 
     channels: Mapping[str, Channel]
     """`gps1.east`, `gps1.north`, `gps1.course`, `compass1.heading`, ..."""
+    space: StateSpace = FIVE
+    """The states it estimates."""
     imu_noise: ProcessNoise = FREE_NOISE
     """While an IMU sample covers the step."""
     free_noise: ProcessNoise = FREE_NOISE
     """While none does."""
+    levers: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Sensor -> where its antenna is, (forward, starboard) of the boat's reference point, m; absent = at it."""
 
 
 class Filter:
-    """One filter of one boat. Positions in m on the local plane, headings in rad clockwise from true north."""
+    """One filter of one boat, or of a batch of runs; positions in m on the local plane, headings in rad from north."""
 
     def __init__(self, name: str, predict: Predict, rule: NoiseRule, facts: FilterFacts) -> None:
         self.name = name
+        self.facts = facts
+        """May be exchanged between two steps, for a filter that is told when a sensor changes."""
         self._predict = predict
         self._rule = rule
-        self._facts = facts
         self._state: FilterState | None = None
 
     @property
@@ -72,8 +110,8 @@ class Filter:
         return self._state
 
     def start(self, x: Array, P: Array) -> None:
-        """Begin at state `x` with covariance `P`; R begins at the configured variances."""
-        self._state = FilterState(x, P, {})
+        """Begin at state `x` (..., n) with covariance `P` (..., n, n); R begins at the configured variances."""
+        self._state = FilterState(self.facts.space, x, P, {})
 
     def snapshot(self) -> FilterState:
         """The state, to be given back to `restore`."""
@@ -83,41 +121,76 @@ class Filter:
         """Continue from a snapshot, bit for bit."""
         self._state = state
 
-    def predict(self, dt_s: float, imu: ImuInput | None) -> None:
+    def predict(self, dt_s: float, imu: ImuInput | None) -> Predicted:
         """Move on by `dt_s` > 0; `imu` is the mean over the step, `None` = nothing measured."""
         state = self.estimate
-        noise = self._facts.free_noise if imu is None else self._facts.imu_noise
-        x, P, repairs = self._predict(state.x, state.P, dt_s, imu or STILL, noise)
-        self._state = FilterState(x, P, state.noise, state.repairs + repairs)
+        noise = self.facts.free_noise if imu is None else self._driven(self.facts.imu_noise)
+        predicted = self._predict(state.gaussian, dt_s, imu, noise)
+        repairs = state.repairs + predicted.repairs
+        self._state = replace(state, x=predicted.x, P=predicted.P, repairs=repairs)
+        return predicted
 
-    def update_position(self, sensor: str, east_m: float, north_m: float) -> None:
-        """Fuse a position: two independent scalars."""
-        self._update(f"{sensor}.east", EAST, east_m - float(self.estimate.x[EAST]))
-        self._update(f"{sensor}.north", NORTH, north_m - float(self.estimate.x[NORTH]))
+    def update(self, measured: Measurement) -> None:
+        """Fuse one measurement: its components are independent scalars."""
+        if isinstance(measured, Position):
+            self._update_position(measured)
+            return
+        component, angle = ("heading", measured.heading_rad) if isinstance(measured, TrueHeading) else _course(measured)
+        row: Row = ((HEADING, 1.0),)
+        expected = part(self.estimate.x, HEADING)
+        bias = self.facts.space.index("compass_bias_rad")
+        if bias is not None and component == "heading":
+            row = (*row, (bias, 1.0))
+            expected = expected + part(self.estimate.x, bias)
+        self._update(f"{measured.sensor}.{component}", row, wrapped(angle - expected))
 
-    def update_heading(self, sensor: str, heading_rad: float) -> None:
-        """Fuse a true heading."""
-        self._update(f"{sensor}.heading", HEADING, wrapped(heading_rad - float(self.estimate.x[HEADING])))
+    def _update_position(self, measured: Position) -> None:
+        for component, place, value in (("east", EAST, measured.east_m), ("north", NORTH, measured.north_m)):
+            row: Row = ((place, 1.0),)
+            x = self.estimate.x
+            expected = part(x, place)
+            if lever := self.facts.levers.get(measured.sensor):
+                offset = body_to_plane(*lever, part(x, HEADING))
+                expected = expected + offset[place]
+                # the derivative of (east, north) by a clockwise heading is (north, -east)
+                row = (*row, (HEADING, offset[NORTH] if place == EAST else -offset[EAST]))
+            self._update(f"{measured.sensor}.{component}", row, value - expected)
 
-    def update_course(self, sensor: str, course_rad: float) -> None:
-        """Fuse a course over ground in place of a heading (boats without compass)."""
-        self._update(f"{sensor}.course", HEADING, wrapped(course_rad - float(self.estimate.x[HEADING])))
-
-    def _update(self, name: str, index: int, innovation: float) -> None:
+    def _update(self, name: str, row: Row, innovation: Number) -> None:
         """Adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
-        innovation = float(innovation)
-        state, channel = self.estimate, self._facts.channels[name]
+        state, channel = self.estimate, self.facts.channels[name]
         noise = state.noise.get(name) or ChannelNoise(channel.initial_variance)
-        prior_variance = float(state.P[index, index])
-        noise = self._rule.adapt(channel, noise, innovation, prior_variance + noise.variance)
-        nis = innovation * innovation / (prior_variance + noise.variance)
-        x, P = update_scalar(state.x, state.P, index, innovation, noise.variance)
-        channels = {**state.noise, name: noise._replace(nis=nis)}
-        self._state = replace(state, x=x, P=P, noise=channels)
+        prior = prior_variance(state.P, row)
+        noise = self._rule.adapt(channel, noise, innovation, prior)
+        x, P = update_scalar(state.gaussian, row, innovation, noise.variance, noise.spread)
+        theoretical = prior + noise.variance
+        noise = noise._replace(nis=innovation * innovation / theoretical)
+        if self._rule.reviews:
+            residual = innovation * (noise.variance / theoretical)
+            noise = self._rule.review(channel, noise, residual, prior * noise.variance / theoretical)
+        self._state = replace(state, x=x, P=P, noise={**state.noise, name: noise})
+
+    def _driven(self, noise: ProcessNoise) -> ProcessNoise:
+        """The densities of the inputs, raised by what the channels that see them ask for."""
+        if not self._rule.drives:
+            return noise
+        accel: Number = 1.0
+        turn: Number = 1.0
+        for name, channel in self.estimate.noise.items():
+            if name.endswith((".east", ".north")):
+                accel = larger(accel, channel.drive)
+            else:
+                turn = larger(turn, channel.drive)
+        return ProcessNoise(noise.accel_fwd * accel, noise.accel_stb * accel, noise.yaw_rate * turn)
+
+
+def _course(measured: Course) -> tuple[str, Number]:
+    return "course", measured.course_rad
 
 
 REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
     "kf": (predict_linear, "fixed"),
+    "ekf": (predict_extended, "fixed"),
     "ukf": (predict_unscented, "fixed"),
     "fuzzy-thesis": (predict_unscented, "fuzzy-thesis"),
     "fuzzy": (predict_unscented, "fuzzy"),
@@ -137,27 +210,44 @@ def build_filter(name: str, facts: FilterFacts) -> Filter:
 
 
 def facts_of(config: BoatConfig) -> FilterFacts:
-    """What the boat's configuration says: R0 from the sigmas, process noise from the densities of the first IMU."""
+    """What the boat's configuration says: R0 from the sigmas; states and process noise from the first IMU."""
     channels: dict[str, Channel] = {}
+    levers = {}
     for sensor in config.with_role("gps"):
         for component in ("east", "north"):
             channels[f"{sensor.id}.{component}"] = Channel(sensor.sigma_m**2, _rate_hz(sensor))
         channels[f"{sensor.id}.course"] = Channel(math.radians(COURSE_SIGMA_DEG) ** 2, _rate_hz(sensor))
+        if sensor.lever_fwd_m or sensor.lever_stb_m:
+            levers[sensor.id] = (sensor.lever_fwd_m, sensor.lever_stb_m)
     for sensor in config.with_role("compass"):
         channels[f"{sensor.id}.heading"] = Channel(math.radians(sensor.sigma_deg) ** 2, _rate_hz(sensor))
-    return FilterFacts(channels, _imu_noise(config))
+    for imu in config.with_role("imu")[:1]:
+        return FilterFacts(channels, _space(imu), _imu_noise(imu), levers=levers)
+    return FilterFacts(channels, levers=levers)
 
 
 def _rate_hz(sensor: SensorTable) -> float:
     return sensor.rate_hz or ROLES[sensor.role].nominal_rate_hz
 
 
-def _imu_noise(config: BoatConfig) -> ProcessNoise:
+def _space(imu: SensorTable) -> StateSpace:
+    """The thesis' states and those of the axes that are used; a prior of 0 = no such state."""
+    extras = []
+    if "yaw_rate" in imu.use:
+        sigma, walk = np.radians([imu.bias_yaw_rate_sigma_deg_s, imu.bias_yaw_rate_walk_deg_s]).tolist()
+        extras.append(Extra("gyro_bias_rad_s", sigma, walk))
+    for axis, name in (("accel_fwd", "accel_bias_fwd_m_s2"), ("accel_stb", "accel_bias_stb_m_s2")):
+        if axis in imu.use:
+            extras.append(Extra(name, imu.bias_accel_sigma_m_s2, imu.bias_accel_walk_m_s2))
+    if "accel_fwd" in imu.use:
+        extras.append(Extra("tilt_leak_per_m", imu.tilt_leak_sigma_per_m, limit=LARGEST_TILT_LEAK_PER_M))
+    return StateSpace(tuple(extras))
+
+
+def _imu_noise(imu: SensorTable) -> ProcessNoise:
     """Densities while the IMU delivers: an axis that is not used moves freely."""
-    for imu in config.with_role("imu")[:1]:
-        return ProcessNoise(
-            imu.accel_density if "accel_fwd" in imu.use else FREE_NOISE.accel_fwd,
-            imu.accel_density if "accel_stb" in imu.use else FREE_NOISE.accel_stb,
-            math.radians(imu.gyro_density_deg) if "yaw_rate" in imu.use else FREE_NOISE.yaw_rate,
-        )
-    return FREE_NOISE
+    return ProcessNoise(
+        imu.accel_density if "accel_fwd" in imu.use else FREE_NOISE.accel_fwd,
+        imu.accel_density if "accel_stb" in imu.use else FREE_NOISE.accel_stb,
+        math.radians(imu.gyro_density_deg) if "yaw_rate" in imu.use else FREE_NOISE.yaw_rate,
+    )

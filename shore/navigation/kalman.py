@@ -1,19 +1,39 @@
-"""The linear Kalman filter of the thesis: prediction (Eqs 4.12-4.13) and update by one scalar at a time (4.14-4.17).
+"""Kalman filters: linear and extended prediction, and the update by one scalar at a time that all filters share.
 
-Letters: x state (n,), P its covariance (n, n), F transition (n, n), Q process noise of the step (n, n), R variance of
-one measured number, K gain (n,). All functions return new arrays and leave their inputs alone.
+Letters: x state (..., n), P its covariance (..., n, n), F transition, Q process noise of the step, R variance of one
+measured number, h its observation row, K gain. All functions return new arrays and leave their inputs alone.
 """
+
+from typing import NamedTuple
+
+import numpy as np
 
 from shore.navigation.models import (
     HEADING,
-    Array,
+    V_NORTH,
+    Gaussian,
     ImuInput,
     ProcessNoise,
+    jacobian,
+    middle_heading,
     move,
     process_noise,
-    transition,
-    wrapped,
 )
+from shore.navigation.numbers import Array, Number, clip, column, part, square, wrapped
+
+Row = tuple[tuple[int, Number], ...]
+"""An observation row h as (place, weight) pairs; all other weights are 0."""
+
+
+class Predicted(NamedTuple):
+    """The state after a step."""
+
+    x: Array
+    P: Array
+    cross: Array
+    """Covariance between the state before and the state after, (..., n, n), for the smoother."""
+    repairs: int = 0
+    """Factors of P that needed jitter."""
 
 
 def symmetric(P: Array) -> Array:
@@ -21,28 +41,74 @@ def symmetric(P: Array) -> Array:
     return 0.5 * (P + P.swapaxes(-1, -2))
 
 
-def predict_linear(x: Array, P: Array, dt_s: float, imu: ImuInput, noise: ProcessNoise) -> tuple[Array, Array, int]:
-    """Return x and P after `dt_s`; the acceleration is rotated by the estimate's heading, taken as exact (Eq. 4.26).
+def predict_linear(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+    """The thesis' Kalman filter, Eqs 4.12-4.13: the heading that rotates the acceleration is taken as exact."""
+    space = before.space
+    F = jacobian(space, before.x, dt_s, imu)
+    F[..., : V_NORTH + 1, HEADING] = 0.0
+    if (gyro := space.index("gyro_bias_rad_s")) is not None:
+        F[..., : V_NORTH + 1, gyro] = 0.0
+    return _predicted(before, F, dt_s, imu, noise)
 
-    The third value is the number of repairs of P, always 0 here (see `predict_unscented`).
+
+def predict_extended(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+    """The extended Kalman filter: F is the derivative of the motion model at the estimate."""
+    return _predicted(before, jacobian(before.space, before.x, dt_s, imu), dt_s, imu, noise)
+
+
+def _predicted(before: Gaussian, F: Array, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+    space, x, P = before
+    moved = move(space, x, dt_s, imu)
+    Q = process_noise(space, middle_heading(x, moved), dt_s, noise)
+    cross = P @ F.swapaxes(-1, -2)
+    return Predicted(wrap_heading(moved), symmetric(F @ cross + Q), cross)
+
+
+def wrap_heading(x: Array) -> Array:
+    """The state with its heading in (-pi, pi]; changes `x`, which must be new."""
+    x[..., HEADING] = wrapped(part(x, HEADING))
+    return x
+
+
+def times_row(matrix: Array, row: Row) -> Array:
+    """Matrix times h^T: (..., n, n) -> (..., n)."""
+    product: Array = sum((column(weight) * matrix[..., place] for place, weight in row[1:]), _weighted(matrix, row[0]))
+    return product
+
+
+def _weighted(matrix: Array, entry: tuple[int, Number]) -> Array:
+    place, weight = entry
+    is_one = isinstance(weight, float) and weight == 1.0
+    return matrix[..., place] if is_one else column(weight) * matrix[..., place]
+
+
+def prior_variance(P: Array, row: Row) -> Number:
+    """Variance h P h^T of the measured number before it is measured."""
+    Ph = times_row(P, row)
+    total: Number = 0.0
+    for place, weight in row:
+        total = total + weight * part(Ph, place)
+    return total
+
+
+def update_scalar(
+    before: Gaussian, row: Row, innovation: Number, R: Number, spread: Number = 0.0
+) -> tuple[Array, Array]:
+    """Return x and P after measuring the number h x with variance `R`.
+
+    `innovation` = measured - h x, wrapped if an angle. Joseph's form (I - K h) P (I - K h)^T + K R K^T (Eqs 4.14-4.17):
+    stays positive definite for any R > 0. `spread` adds spread (P h)(P h)^T: the scatter of a bank's gains about their
+    mean.
     """
-    F = transition(dt_s)
-    moved = move(x, dt_s, imu)
-    middle = 0.5 * (float(x[HEADING]) + float(moved[HEADING]))
-    moved[HEADING] = wrapped(float(moved[HEADING]))
-    return moved, symmetric(F @ P @ F.T + process_noise(middle, dt_s, noise)), 0
-
-
-def update_scalar(x: Array, P: Array, index: int, innovation: float, R: float) -> tuple[Array, Array]:
-    """Return x and P after measuring state `index` with variance `R`.
-
-    `innovation` = measured - x[index], wrapped if an angle.
-
-    Joseph's form (I - K h) P (I - K h)^T + K R K^T, h = unit vector: stays positive definite for any R > 0.
-    """
-    K = P[:, index] / (P[index, index] + R)
-    left = P - K[:, None] * P[index]
-    updated = left - left[:, index, None] * K + (R * K)[:, None] * K
-    x = x + K * innovation
-    x[HEADING] = wrapped(float(x[HEADING]))
+    space, x, P = before
+    Ph = times_row(P, row)
+    K = Ph / column(prior_variance(P, row) + R)
+    left = P - K[..., :, np.newaxis] * Ph[..., np.newaxis, :]
+    gained = column(R) * K - times_row(left, row)
+    updated = left + gained[..., :, np.newaxis] * K[..., np.newaxis, :]
+    if isinstance(spread, np.ndarray) or spread > 0.0:
+        updated = updated + square(spread) * (Ph[..., :, np.newaxis] * Ph[..., np.newaxis, :])
+    x = wrap_heading(x + K * column(innovation))
+    for place, limit in space.limits:
+        x[..., place] = clip(part(x, place), -limit, limit)
     return x, symmetric(updated)

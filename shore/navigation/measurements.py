@@ -10,6 +10,7 @@ from common.geodesy import LocalPlane
 from common.messages import Event, Fix, Heading
 from common.sensors import BoatConfig
 from common.units import M_S_PER_KN
+from shore.navigation.numbers import Number
 
 FARTHEST_M: Final = 20_000.0
 """A fix beyond this distance from the origin is not used."""
@@ -24,11 +25,11 @@ class Position(NamedTuple):
 
     t_ns: int
     sensor: str
-    east_m: float
-    north_m: float
-    velocity_m_s: tuple[float, float] | None
+    east_m: Number
+    north_m: Number
+    velocity_m_s: tuple[float, float] | None = None
     """(east, north), from SOG and COG when moving."""
-    course_rad: float | None
+    course_rad: float | None = None
     """COG, when it may stand for a heading."""
 
 
@@ -37,7 +38,18 @@ class TrueHeading(NamedTuple):
 
     t_ns: int
     sensor: str
-    heading_rad: float
+    heading_rad: Number
+
+
+class Course(NamedTuple):
+    """A course over ground that stands for the heading of a boat without compass."""
+
+    t_ns: int
+    sensor: str
+    course_rad: Number
+
+
+Measurement = Position | TrueHeading | Course
 
 
 class Reader:

@@ -9,9 +9,10 @@ from collections import Counter
 from typing import Final
 
 from common.units import NS_PER_S
-from shore.navigation.bank import Bank, Batch, Measurement, Moment
+from shore.navigation.bank import Bank, Batch, Moment
 from shore.navigation.imu import ImuTrack, Step
-from shore.navigation.measurements import Position, TrueHeading
+from shore.navigation.measurements import Measurement, Position, TrueHeading
+from shore.navigation.timeline import AHEAD_NS
 
 SHORTEST_STEP_S: Final = 0.05
 LONGEST_STEP_S: Final = 60.0
@@ -32,11 +33,13 @@ class Synchronous:
         self._waiting: list[Measurement] = []
         self.late: Counter[str] = Counter()
         """Always empty: a step takes what has arrived, whatever its age."""
+        self.ahead: Counter[str] = Counter()
+        """Sensor -> measurements stamped after their frame, not fused."""
         self._used_ns = {Position: -math.inf, TrueHeading: -math.inf}
 
     def push(self, batch: Batch) -> list[Moment]:
         """Take in a batch. Returns the moment of every step that its end closes; the first frame's end is the first."""
-        self._waiting += batch.measurements
+        self._waiting += [measured for measured in batch.measurements if not self._is_ahead(measured, batch)]
         for block in batch.blocks:
             if self._imu is not None:
                 self._imu.insert(block, batch.boot_id)
@@ -48,6 +51,13 @@ class Synchronous:
             closed.append(self._moment)
             self._end_ns += self._step_ns
         return closed
+
+    def _is_ahead(self, measured: Measurement, batch: Batch) -> bool:
+        """They would wait for a step that is far away, and be fused then."""
+        if measured.t_ns <= batch.t1_ns + AHEAD_NS:
+            return False
+        self.ahead[measured.sensor] += 1
+        return True
 
     def _close(self, end_ns: int) -> Moment:
         """Predict over the step, then fuse its record."""

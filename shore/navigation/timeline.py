@@ -11,15 +11,16 @@ from dataclasses import dataclass
 from typing import Final
 
 from common.units import NS_PER_S
-from shore.navigation.bank import Bank, Batch, Measurement, Moment
+from shore.navigation.bank import Bank, Batch, Moment
 from shore.navigation.imu import ImuTrack, Step, split
-from shore.navigation.measurements import Position
+from shore.navigation.measurements import Measurement, Position
 
 HORIZON_S: Final = 5.0
 """What is older than this, against the newest boat time seen, is counted and not fused."""
-_HORIZON_NS: Final = int(HORIZON_S * NS_PER_S)
-_AHEAD_NS: Final = NS_PER_S
+HORIZON_NS: Final = int(HORIZON_S * NS_PER_S)
+AHEAD_S: Final = 1.0
 """A stamp this far after its own frame is a fault of the stamp: counted, not fused."""
+AHEAD_NS: Final = int(AHEAD_S * NS_PER_S)
 
 _TICK, _POSITION, _HEADING = range(3)
 
@@ -68,7 +69,7 @@ class Timeline:
         changed_from = min((t_ns for t_ns in changed if t_ns is not None), default=None)
         if changed_from is not None:
             self._run_again(changed_from)
-            self._forget(self._newest_ns - _HORIZON_NS)
+            self._forget(self._newest_ns - HORIZON_NS)
         return [self.at(batch.t1_ns)] if is_newest else []
 
     def at(self, t_ns: int) -> Moment:
@@ -80,10 +81,10 @@ class Timeline:
     def _fits(self, t_ns: int, sensor: str, batch: Batch) -> bool:
         """Neither too late nor ahead of its frame; the others are counted."""
         assert self._newest_ns is not None
-        if t_ns < self._newest_ns - _HORIZON_NS:
+        if t_ns < self._newest_ns - HORIZON_NS:
             self.late[sensor] += 1
             return False
-        if t_ns > batch.t1_ns + _AHEAD_NS:
+        if t_ns > batch.t1_ns + AHEAD_NS:
             self.ahead[sensor] += 1
             return False
         return True

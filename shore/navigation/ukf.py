@@ -5,12 +5,14 @@ of L, that is row i of L^T. The measurement model is linear, so the update is `k
 """
 
 import math
+from functools import cache
 from typing import Final
 
 import numpy as np
 
-from shore.navigation.kalman import symmetric
-from shore.navigation.models import HEADING, STATE_SIZE, Array, ImuInput, ProcessNoise, move, process_noise, wrapped
+from shore.navigation.kalman import Predicted, symmetric, wrap_heading
+from shore.navigation.models import HEADING, Gaussian, ImuInput, ProcessNoise, middle_heading, move, process_noise
+from shore.navigation.numbers import Array
 
 ALPHA: Final = 1.0
 BETA: Final = 2.0
@@ -19,6 +21,7 @@ JITTERS: Final = (0.0, 1e-12, 1e-9, 1e-6)
 """Tried in turn, relative to each variance, until the Cholesky factor exists."""
 
 
+@cache
 def weights(n: int) -> tuple[Array, Array, float]:
     """Mean weights and covariance weights, each (2n+1,), and the spread sqrt(n + lambda) (Eqs 4.48-4.50)."""
     lam = ALPHA**2 * (n + KAPPA) - n
@@ -29,53 +32,66 @@ def weights(n: int) -> tuple[Array, Array, float]:
     return mean_weights, cov_weights, math.sqrt(n + lam)
 
 
-MEAN_WEIGHTS, COV_WEIGHTS, SPREAD = weights(STATE_SIZE)
-
-
 def factor(P: Array) -> tuple[Array, int]:
     """Lower Cholesky factor of P and 0, or of P with its variances raised by the least jitter that works, and 1.
 
-    Without any factor the result is NaN: the filter's guard reports it.
+    Of a batch only the members that need it are raised, and counted. Without any factor the result is NaN: the filter's
+    guard reports it.
     """
-    for jitter in JITTERS:
+    try:
+        return np.asarray(np.linalg.cholesky(P), dtype=np.float64), 0
+    except np.linalg.LinAlgError:
+        if P.ndim == 2:
+            return _repaired(P), 1
+    factors = [factor(member) for member in P]
+    return np.stack([L for L, _ in factors]), sum(repairs for _, repairs in factors)
+
+
+def _repaired(P: Array) -> Array:
+    for jitter in JITTERS[1:]:
         try:
-            raised = P if jitter == 0.0 else P + np.diag(jitter * np.abs(np.diag(P)) + 1e-15)
-            return np.asarray(np.linalg.cholesky(raised), dtype=np.float64), int(jitter > 0.0)
+            raised = P + np.diag(jitter * np.abs(np.diag(P)) + 1e-15)
+            return np.asarray(np.linalg.cholesky(raised), dtype=np.float64)
         except np.linalg.LinAlgError:
             continue
-    return np.full_like(P, math.nan), 1
+    return np.full_like(P, math.nan)
 
 
 def sigma_points(x: Array, L: Array) -> Array:
-    """The 2n+1 points, one per row: x, x + spread L_i, x - spread L_i (Eqs 4.45-4.47)."""
-    n = x.shape[0]
-    offsets = SPREAD * L.T
-    points = np.empty((2 * n + 1, n))
-    points[0] = x
-    np.add(x, offsets, out=points[1 : n + 1])
-    np.subtract(x, offsets, out=points[n + 1 :])
+    """The 2n+1 points, shape (..., 2n+1, n), one per row: x, x + spread L_i, x - spread L_i (Eqs 4.45-4.47)."""
+    n = x.shape[-1]
+    offsets = weights(n)[2] * L.swapaxes(-1, -2)
+    points = np.empty((*x.shape[:-1], 2 * n + 1, n))
+    points[..., 0, :] = x
+    centre = x[..., np.newaxis, :]
+    np.add(centre, offsets, out=points[..., 1 : n + 1, :])
+    np.subtract(centre, offsets, out=points[..., n + 1 :, :])
     return points
 
 
 def mean_of_points(points: Array) -> Array:
     """Weighted mean of the points (Eq. 4.52), circular for the heading, on the unwrapped branch of the first point."""
-    mean: Array = MEAN_WEIGHTS @ points
-    centre = points[0, HEADING]
-    apart = points[:, HEADING] - centre
-    mean[HEADING] = centre + math.atan2(MEAN_WEIGHTS @ np.sin(apart), MEAN_WEIGHTS @ np.cos(apart))
+    mean_weights = weights(points.shape[-1])[0]
+    mean: Array = mean_weights @ points
+    centre = points[..., 0, HEADING]
+    apart = points[..., HEADING] - centre[..., np.newaxis]
+    mean[..., HEADING] = centre + np.arctan2(np.sin(apart) @ mean_weights, np.cos(apart) @ mean_weights)
     return mean
 
 
-def predict_unscented(x: Array, P: Array, dt_s: float, imu: ImuInput, noise: ProcessNoise) -> tuple[Array, Array, int]:
-    """Return x and P after `dt_s`, and 1 if P had to be repaired before a Cholesky factor existed, else 0.
+def predict_unscented(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+    """The unscented transform of `move`; `repairs` counts factors of P that needed jitter.
 
     Deviations are taken before the heading is wrapped: a spread beyond 180 deg is not folded into false certainty.
     """
+    space, x, P = before
+    n = space.size
+    _, cov_weights, spread = weights(n)
     L, repairs = factor(P)
-    points = move(sigma_points(x, L), dt_s, imu)
+    points = move(space, sigma_points(x, L), dt_s, imu)
     mean = mean_of_points(points)
-    apart = points - mean
-    middle = 0.5 * (float(x[HEADING]) + float(mean[HEADING]))
-    spread = symmetric((apart.T * COV_WEIGHTS) @ apart + process_noise(middle, dt_s, noise))
-    mean[HEADING] = wrapped(float(mean[HEADING]))
-    return mean, spread, repairs
+    apart = points - mean[..., np.newaxis, :]
+    Q = process_noise(space, middle_heading(x, mean), dt_s, noise)
+    scatter = (apart.swapaxes(-1, -2) * cov_weights) @ apart
+    cross = (spread * cov_weights[1]) * (L @ (apart[..., 1 : n + 1, :] - apart[..., n + 1 :, :]))
+    return Predicted(wrap_heading(mean), symmetric(scatter + Q), cross, repairs)

@@ -21,7 +21,7 @@ from shore.navigation.adaptation import (
     NoiseRule,
     fuzzy_alpha,
 )
-from shore.navigation.models import Array
+from shore.navigation.numbers import Array
 from tests.navigate.voyages import Run, Truth, errors, run_filter
 
 Runs = tuple[Array, Array, Array]
@@ -124,7 +124,7 @@ def feed(rule: NoiseRule, channel: Channel, innovations: Iterable[float], prior:
     noise = ChannelNoise(channel.initial_variance)
     history = []
     for innovation in innovations:
-        noise = rule.adapt(channel, noise, float(innovation), prior + noise.variance)
+        noise = rule.adapt(channel, noise, float(innovation), prior)
         history.append(noise)
     return history
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ from shore.navigation import filters, ukf
 from shore.navigation.adaptation import Channel
 from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter, facts_of
 from shore.navigation.kalman import update_scalar
-from shore.navigation.models import FREE_NOISE, Array, ImuInput, ProcessNoise, move, process_noise
+from shore.navigation.measurements import Position, TrueHeading
+from shore.navigation.models import FIVE, FREE_NOISE, Gaussian, ImuInput, ProcessNoise, move, process_noise
+from shore.navigation.numbers import Array
 from tests.navigate.voyages import Run, Truth, errors, run_filter, thesis_facts
 
 
@@ -31,10 +34,10 @@ def random_spd(seed: int, n: int = 5) -> Array:
 def test_sigma_points_reproduce_mean_and_covariance(seed: int) -> None:
     x, P = np.random.default_rng(seed).normal(size=5), random_spd(seed)
     points = ukf.sigma_points(x, ukf.factor(P)[0])
-    mean = ukf.MEAN_WEIGHTS @ points
+    mean = ukf.weights(5)[0] @ points
     apart = points - mean
     assert mean == pytest.approx(x, abs=1e-9)
-    assert np.allclose((apart.T * ukf.COV_WEIGHTS) @ apart, P, rtol=1e-9, atol=1e-9)
+    assert np.allclose((apart.T * ukf.weights(5)[1]) @ apart, P, rtol=1e-9, atol=1e-9)
 
 
 def test_sigma_points_are_rows_along_the_columns_of_the_lower_factor() -> None:
@@ -60,7 +63,7 @@ def filterpy_ukf(x: Array, P: Array, noise: ProcessNoise) -> Any:
 
     points = MerweScaledSigmaPoints(5, alpha=1.0, beta=2.0, kappa=0.0)
     theirs = UnscentedKalmanFilter(
-        5, 3, 1.0, hx=lambda s: s[[0, 1, 4]], fx=move, points=points,
+        5, 3, 1.0, hx=lambda s: s[[0, 1, 4]], fx=partial(move, FIVE), points=points,
         x_mean_fn=mean, z_mean_fn=mean, residual_x=residual, residual_z=residual,
     )  # fmt: skip
     theirs.x, theirs.P = x.copy(), P.copy()
@@ -80,13 +83,13 @@ def test_ukf_agrees_with_filterpy(mission: Truth, scenario_53: Callable[[int], R
     for k in range(1, 300):
         imu = ImuInput(*run.inputs[k])
         middle = ours.estimate.x[4] + 0.5 * imu.yaw_rate_rad_s
-        theirs.Q = process_noise(middle, 1.0, facts.imu_noise)
+        theirs.Q = process_noise(FIVE, middle, 1.0, facts.imu_noise)
         theirs.predict(imu=imu)
         theirs.sigmas_f = theirs.points_fn.sigma_points(theirs.x, theirs.P)
         theirs.update(np.array([*run.positions[k], wrap_rad(run.headings[k])]))
         ours.predict(1.0, imu)
-        ours.update_position("gps1", *run.positions[k])
-        ours.update_heading("compass1", run.headings[k])
+        ours.update(Position(0, "gps1", *run.positions[k]))
+        ours.update(TrueHeading(0, "compass1", run.headings[k]))
         apart = ours.estimate.x - theirs.x
         apart[4] = difference_rad(ours.estimate.x[4], theirs.x[4])
         worst = max(worst, np.abs(apart).max(), np.abs(ours.estimate.P - theirs.P).max())
@@ -115,7 +118,8 @@ def test_covariance_stays_symmetric_and_positive_definite(
     name: str, sequence: list[tuple[str, float, float, float]]
 ) -> None:
     facts = FilterFacts(
-        {"g.east": Channel(9.0), "g.north": Channel(9.0), "c.heading": Channel(1e-4)}, ProcessNoise(0.05, 0.02, 0.002)
+        {"g.east": Channel(9.0), "g.north": Channel(9.0), "c.heading": Channel(1e-4)},
+        imu_noise=ProcessNoise(0.05, 0.02, 0.002),
     )
     each = build_filter(name, facts)
     each.start(np.zeros(5), np.diag([9.0, 9.0, 1.0, 1.0, 0.1]))
@@ -125,9 +129,9 @@ def test_covariance_stays_symmetric_and_positive_definite(
         elif kind == "coast":
             each.predict(dt, None)
         elif kind == "position":
-            each.update_position("g", metres, 100.0 * rad)
+            each.update(Position(0, "g", metres, 100.0 * rad))
         else:
-            each.update_heading("c", rad)
+            each.update(TrueHeading(0, "c", rad))
         P = each.estimate.P
         assert np.array_equal(P, P.T)
         scale = 1.0 / np.sqrt(P.diagonal())
@@ -141,7 +145,7 @@ def test_joseph_survives_a_tiny_variance_where_the_short_form_does_not() -> None
     P[0, 2] = P[2, 0] = 9e3
     short = P - np.outer(P[0], P[0]) / (P[0, 0] + 1e-9)
     assert short[0, 0] != pytest.approx(1e-9, rel=0.5)
-    _, after = update_scalar(np.zeros(5), P, 0, 1.0, 1e-9)
+    _, after = update_scalar(Gaussian(FIVE, np.zeros(5), P), ((0, 1.0),), 1.0, 1e-9)
     assert after[0, 0] == pytest.approx(1e-9, rel=1e-3)
     assert np.linalg.eigvalsh(after).min() > 0.0
 
@@ -149,7 +153,9 @@ def test_joseph_survives_a_tiny_variance_where_the_short_form_does_not() -> None
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 def test_heading_across_north(name: str) -> None:
     """A slow turn through north, compass on both sides of 0/360: no error beyond noise, no jump."""
-    facts = FilterFacts({"c.heading": Channel(math.radians(1.0) ** 2)}, ProcessNoise(0.01, 0.01, math.radians(0.1)))
+    facts = FilterFacts(
+        {"c.heading": Channel(math.radians(1.0) ** 2)}, imu_noise=ProcessNoise(0.01, 0.01, math.radians(0.1))
+    )
     each = build_filter(name, facts)
     each.start(np.array([0, 0, 0, 0, math.radians(-20.0)]), np.diag([1.0, 1, 1, 1, 0.01]))
     rng = np.random.default_rng(4)
@@ -157,7 +163,7 @@ def test_heading_across_north(name: str) -> None:
     for k in range(1, 41):
         truth = math.radians(-20.0 + k)
         each.predict(1.0, ImuInput(0, 0, math.radians(1.0)))
-        each.update_heading("c", (truth + math.radians(rng.normal())) % math.tau)
+        each.update(TrueHeading(0, "c", (truth + math.radians(rng.normal())) % math.tau))
         worst = max(worst, abs(difference_rad(each.estimate.x[4], truth)))
     assert math.degrees(worst) < 3.0
 
@@ -187,11 +193,11 @@ def test_repairs_of_an_indefinite_covariance_are_counted() -> None:
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_bad_numbers_are_visible_and_raise_nothing(name: str, bad: float) -> None:
-    each = build_filter(name, FilterFacts({"g.east": Channel(9.0), "g.north": Channel(9.0)}, FREE_NOISE))
+    each = build_filter(name, FilterFacts({"g.east": Channel(9.0), "g.north": Channel(9.0)}))
     each.start(np.zeros(5), np.eye(5))
     with np.errstate(all="ignore"):
         each.predict(0.1, ImuInput(bad, 0.0, 0.0))
-        each.update_position("g", 1.0, 1.0)
+        each.update(Position(0, "g", 1.0, 1.0))
         each.predict(0.1, None)
     assert not each.estimate.healthy
 
@@ -203,8 +209,8 @@ def test_restore_continues_bit_for_bit(name: str, mission: Truth, scenario_53: C
     def carry_on(each: Filter, start: int, stop: int) -> FilterState:
         for k in range(start, stop):
             each.predict(1.0, ImuInput(*run.inputs[k]))
-            each.update_position("gps1", *run.positions[k])
-            each.update_heading("compass1", run.headings[k])
+            each.update(Position(0, "gps1", *run.positions[k]))
+            each.update(TrueHeading(0, "compass1", run.headings[k]))
         return each.snapshot()
 
     each = build_filter(name, thesis_facts())
@@ -219,8 +225,8 @@ def test_restore_continues_bit_for_bit(name: str, mission: Truth, scenario_53: C
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(WayfixError, match="kf, ukf, fuzzy-thesis, fuzzy"):
-        build_filter("ekf", FilterFacts({}))
+    with pytest.raises(WayfixError, match="kf, ekf, ukf, fuzzy-thesis, fuzzy"):
+        build_filter("pf", FilterFacts({}))
 
 
 def test_facts_come_from_the_boats_file() -> None:

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from shore.navigation.filters import Predict
-from shore.navigation.kalman import predict_linear
+from shore.navigation.kalman import predict_extended, predict_linear
 from shore.navigation.models import (
+    FIVE,
     FREE_NOISE,
-    STATE_SIZE,
+    Gaussian,
     ImuInput,
     ProcessNoise,
     body_to_plane,
     move,
     process_noise,
-    wrapped,
 )
+from shore.navigation.numbers import wrapped
 from shore.navigation.ukf import predict_unscented
 
 
@@ -39,13 +40,13 @@ def test_steady_turn_to_starboard_is_a_circle() -> None:
     speed, rate, dt = 2.0, math.radians(6.0), 0.05
     x = np.array([10.0, 20.0, 0.0, speed, 0.0])
     for _ in range(round(15.0 / dt)):
-        x = move(x, dt, ImuInput(0.0, speed * rate, rate))
+        x = move(FIVE, x, dt, ImuInput(0.0, speed * rate, rate))
     assert x[4] == pytest.approx(math.pi / 2)
     assert x[2:4] == pytest.approx([speed, 0.0], abs=1e-3)
     radius = speed / rate
     assert x[:2] == pytest.approx([10.0 + radius, 20.0 + radius], abs=1e-2)
     for _ in range(round(45.0 / dt)):
-        x = move(x, dt, ImuInput(0.0, speed * rate, rate))
+        x = move(FIVE, x, dt, ImuInput(0.0, speed * rate, rate))
     assert x[:2] == pytest.approx([10.0, 20.0], abs=1e-2)
 
 
@@ -56,8 +57,8 @@ def test_mid_heading_follows_a_turn_that_the_first_heading_does_not(dt: float) -
     chord = 2.0 * speed * math.sin(0.5 * rate * dt) / dt  # mean acceleration of the step, square to the mid heading
     ours = first = np.array([0.0, 0.0, 0.0, speed, 0.0])
     for _ in range(round(12.0 / dt)):
-        ours = move(ours, dt, ImuInput(0.0, chord, rate))
-        straight = move(first, dt, ImuInput(0.0, chord, 0.0))
+        ours = move(FIVE, ours, dt, ImuInput(0.0, chord, rate))
+        straight = move(FIVE, first, dt, ImuInput(0.0, chord, 0.0))
         straight[4] = first[4] + rate * dt
         first = straight
     assert math.hypot(*ours[2:4]) == pytest.approx(speed, abs=1e-9)
@@ -67,13 +68,13 @@ def test_mid_heading_follows_a_turn_that_the_first_heading_does_not(dt: float) -
 
 def test_batches_are_single_states_side_by_side() -> None:
     rng = np.random.default_rng(1)
-    states = rng.normal(size=(4, 3, STATE_SIZE))
+    states = rng.normal(size=(4, 3, 5))
     imu = ImuInput(0.3, -0.2, 0.1)
     noise = ProcessNoise(0.1, 0.2, 0.3)
-    moved, Q = move(states, 0.4, imu), process_noise(states[..., 4], 0.4, noise)
+    moved, Q = move(FIVE, states, 0.4, imu), process_noise(FIVE, states[..., 4], 0.4, noise)
     for index in np.ndindex(4, 3):
-        assert np.array_equal(moved[index], move(states[index], 0.4, imu))
-        assert np.array_equal(Q[index], process_noise(float(states[index][4]), 0.4, noise))
+        assert np.array_equal(moved[index], move(FIVE, states[index], 0.4, imu))
+        assert np.array_equal(Q[index], process_noise(FIVE, float(states[index][4]), 0.4, noise))
 
 
 def test_process_noise_at_one_second_is_eq_4_29_with_q_squared() -> None:
@@ -88,28 +89,28 @@ def test_process_noise_at_one_second_is_eq_4_29_with_q_squared() -> None:
         ]
     )
     for heading in (0.0, 0.7, 3.0):
-        assert np.allclose(process_noise(heading, T, ProcessNoise(q1, q1, q2)), expected, rtol=1e-12, atol=1e-22)
+        assert np.allclose(process_noise(FIVE, heading, T, ProcessNoise(q1, q1, q2)), expected, rtol=1e-12, atol=1e-22)
 
 
 def test_unequal_axes_turn_with_the_bow() -> None:
     """Forward noise points north on course 0 and east on course 90."""
     noise = ProcessNoise(0.3, 0.1, 0.0)
-    assert process_noise(0.0, 1.0, noise)[3, 3] == pytest.approx(0.09)
-    east = process_noise(math.pi / 2, 1.0, noise)
+    assert process_noise(FIVE, 0.0, 1.0, noise)[3, 3] == pytest.approx(0.09)
+    east = process_noise(FIVE, math.pi / 2, 1.0, noise)
     assert (east[2, 2], east[3, 3]) == pytest.approx((0.09, 0.01))
-    slanted = process_noise(math.pi / 4, 1.0, noise)
+    slanted = process_noise(FIVE, math.pi / 4, 1.0, noise)
     assert slanted[2, 3] == pytest.approx(0.04)
     assert np.linalg.eigvalsh(slanted).min() > -1e-15
 
 
-@pytest.mark.parametrize("predict", [predict_linear, predict_unscented])
+@pytest.mark.parametrize("predict", [predict_linear, predict_extended, predict_unscented])
 def test_spread_after_a_minute_does_not_depend_on_the_rate(predict: Predict) -> None:
     noise = ProcessNoise(0.05, 0.02, math.radians(0.1))
     after = {}
     for rate in (1, 10, 100):
         x, P = np.array([0.0, 0.0, 1.0, 1.0, 0.5]), np.diag([9.0, 9.0, 0.25, 0.25, 1e-3])
         for _ in range(60 * rate):
-            x, P, _ = predict(x, P, 1.0 / rate, ImuInput(0.02, 0.01, 0.01), noise)
+            x, P, _, _ = predict(Gaussian(FIVE, x, P), 1.0 / rate, ImuInput(0.02, 0.01, 0.01), noise)
         after[rate] = P.diagonal()
     assert after[1] == pytest.approx(after[100], rel=0.02)
     assert after[10] == pytest.approx(after[100], rel=0.02)

@@ -198,7 +198,7 @@ def test_synchronous_mode_publishes_every_step(short_voyage: list[Frame]) -> Non
     assert estimates[-1].state[:2] == pytest.approx(free[-1].state[:2], abs=6.0)
 
 
-@pytest.mark.parametrize(("filters", "step_s"), [((), None), (("ekf",), None), (("kf",), 0.0)])
+@pytest.mark.parametrize(("filters", "step_s"), [((), None), (("pf",), None), (("kf",), 0.0)])
 def test_wrong_requests_are_refused_at_once(filters: tuple[str, ...], step_s: float | None) -> None:
     with pytest.raises(WayfixError):
         Pipeline(BOAT, filters, step_s)

@@ -13,7 +13,9 @@ from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from shore.navigation.adaptation import Channel
 from shore.navigation.bank import Moment
 from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
-from shore.navigation.models import Array, ImuInput, ProcessNoise, body_to_plane
+from shore.navigation.measurements import Position, TrueHeading
+from shore.navigation.models import ImuInput, ProcessNoise, body_to_plane
+from shore.navigation.numbers import Array
 
 ACCEL_STD = 0.0039
 """What the filters assume, m/s^2 and deg/s at 1 Hz (Table 5.3)."""
@@ -88,7 +90,7 @@ def thesis_facts() -> FilterFacts:
         "gps1.north": Channel(49.0),
         "compass1.heading": Channel(math.radians(0.5) ** 2),
     }
-    return FilterFacts(channels, ProcessNoise(ACCEL_STD, ACCEL_STD, math.radians(GYRO_STD_DEG)))
+    return FilterFacts(channels, imu_noise=ProcessNoise(ACCEL_STD, ACCEL_STD, math.radians(GYRO_STD_DEG)))
 
 
 def run_filter(name: str, truth: Truth, run: Run, seed: int) -> tuple[Array, Array, Filter]:
@@ -101,8 +103,8 @@ def run_filter(name: str, truth: Truth, run: Run, seed: int) -> tuple[Array, Arr
     states[0], spreads[0] = each.estimate.x, P
     for k in range(1, len(truth.states)):
         each.predict(truth.dt_s, ImuInput(*run.inputs[k]))
-        each.update_position("gps1", *run.positions[k])
-        each.update_heading("compass1", run.headings[k])
+        each.update(Position(0, "gps1", *run.positions[k]))
+        each.update(TrueHeading(0, "compass1", run.headings[k]))
         states[k], spreads[k] = each.estimate.x, each.estimate.P
     return states, spreads, each
 
@@ -114,6 +116,7 @@ def errors(states: Array, truth: Truth) -> Array:
     return error
 
 
+# Its IMU is calibrated: the filters have the thesis' five states.
 BOAT = BoatConfig(
     boat=BoatTable(id="springer", variation_deg=0.0),
     port=(PortTable(name="p", path="/dev/null"),),
@@ -121,7 +124,8 @@ BOAT = BoatConfig(
         SensorTable(id="gps1", port="p", role="gps", rate_hz=1.0, sigma_m=6.5),
         SensorTable(id="compass1", port="p", role="compass", rate_hz=10.0, sigma_deg=0.5),
         SensorTable(
-            id="imu1", port="p", role="imu", rate_hz=20.0, accel_density=0.004, gyro_density_deg=0.036
+            id="imu1", port="p", role="imu", rate_hz=20.0, accel_density=0.004, gyro_density_deg=0.036,
+            bias_accel_sigma_m_s2=0.0, bias_yaw_rate_sigma_deg_s=0.0, tilt_leak_sigma_per_m=0.0,
         ),
     ),
 )  # fmt: skip
