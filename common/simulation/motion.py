@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.angles import difference_rad
-from common.simulation.fields import CurrentField
+from common.simulation.fields import VectorField
 
 Array = npt.NDArray[np.float64]
 Place = tuple[float, float]
@@ -102,13 +102,13 @@ def cleared(place: Place, waypoint: Place, clearance_m: float) -> bool:
     return math.dist(place, waypoint) < clearance_m
 
 
-def sail(mission: Mission, current: CurrentField, step_s: float = 0.05) -> Truth:
+def sail(mission: Mission, current: VectorField, step_s: float = 0.05) -> Truth:
     """Follow the waypoints; the track starts at t = 0 and its velocity includes the current from the start."""
     rate_rad_s = math.radians(mission.turn_rate_deg_s)
     steps = round(mission.helm_s / step_s)
     heading = math.radians(mission.heading_deg)
     place = mission.start
-    velocity = _over_ground(mission, current, place, heading)
+    velocity = _over_ground(mission, current, place, heading, 0.0)
     rows = [(*place, *velocity, heading)]
     ahead = list(mission.waypoints)
     for _ in range(round(mission.longest_s / mission.helm_s)):
@@ -121,7 +121,8 @@ def sail(mission: Mission, current: CurrentField, step_s: float = 0.05) -> Truth
         for _ in range(steps):
             heading += turn * rate_rad_s * step_s
             before = velocity
-            velocity = _over_ground(mission, current, _moved(place, before, before, step_s), heading)
+            t_s = len(rows) * step_s
+            velocity = _over_ground(mission, current, _moved(place, before, before, step_s), heading, t_s)
             place = _moved(place, before, velocity, step_s)
             rows.append((*place, *velocity, heading))
     columns = np.array(rows, dtype=np.float64).T
@@ -133,7 +134,7 @@ def _moved(place: Place, before: Place, after: Place, step_s: float) -> Place:
     return place[0] + 0.5 * step_s * (before[0] + after[0]), place[1] + 0.5 * step_s * (before[1] + after[1])
 
 
-def _over_ground(mission: Mission, current: CurrentField, place: Place, heading: float) -> Place:
+def _over_ground(mission: Mission, current: VectorField, place: Place, heading: float, t_s: float) -> Place:
     """Velocity through water along the heading, plus the water's own."""
-    east, north = current(*place)
-    return east + mission.speed_m_s * math.sin(heading), north + mission.speed_m_s * math.cos(heading)
+    east, north = current(*place, t_s)
+    return float(east) + mission.speed_m_s * math.sin(heading), float(north) + mission.speed_m_s * math.cos(heading)

@@ -1,7 +1,8 @@
-"""Error models of simulated sensors: truth in, erroneous columns out.
+"""Error models of simulated sensors: truth in, erroneous columns out, for one boat or for many runs at once.
 
-Errors are white and Gaussian plus a constant IMU bias (thesis section 4.3, Table 5.4). Each sensor draws from its own
-generator; the draws of a time come together, so a shorter run is the beginning of a longer one.
+White Gaussian noise by phase plus a constant IMU bias are the thesis' models (Eqs 3.1-3.4, Table 5.4); `flaws.py` adds
+what real sensors do besides. Each sensor draws from its own generator; the draws of a time come together, so a shorter
+run is the beginning of a longer one. Arrays have the runs first: (runs, n) or (runs, n, axes).
 """
 
 from collections.abc import Callable, Sequence
@@ -10,16 +11,29 @@ from typing import Final
 
 import numpy as np
 
+from common.simulation.flaws import NO_FLAWS, Flaws, drift_path
 from common.simulation.motion import Array, Truth
 
-STREAMS: Final = ("gps1", "compass1", "imu1", "gps1 velocity")
+STREAMS: Final = ("gps1", "compass1", "imu1", "gps1 velocity", "start", "imu1 turn-on", "imu1 drift", "gps1 drift")
 """Who draws random numbers. Append only: a stream's seed depends on its place, never on how many follow."""
 
 
-def generators(seed: int) -> dict[str, np.random.Generator]:
+def generators(seed: int | np.random.SeedSequence) -> dict[str, np.random.Generator]:
     """One independent generator for each of `STREAMS`."""
-    children = np.random.SeedSequence(seed).spawn(len(STREAMS))
+    root = np.random.SeedSequence(seed) if isinstance(seed, int) else seed
+    children = root.spawn(len(STREAMS))
     return {name: np.random.default_rng(child) for name, child in zip(STREAMS, children, strict=True)}
+
+
+class Draws:
+    """Standard normals of several runs, each from its own seed: run j is the same however many there are."""
+
+    def __init__(self, *roots: int | np.random.SeedSequence) -> None:
+        self._generators = [generators(root) for root in roots]
+
+    def normals(self, stream: str, *shape: int) -> Array:
+        """Next draws of a stream, (runs, *shape)."""
+        return np.stack([each[stream].standard_normal(shape) for each in self._generators])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +51,7 @@ class SensorErrors:
     gps_velocity_m_s: float = 0.1
     """Each axis; usual for Doppler velocity of a small receiver. The thesis does not use it."""
     bias_accel_fwd_m_s2: float = 0.0
-    """Biases default to 0: "removed" (Eq. 3.2, 3.3). `TABLE_5_4_BIAS` of `scenarios` has the thesis' values."""
+    """Biases default to 0: "removed" (Eq. 3.2, 3.3). `TABLE_5_4_BIAS` of `tables` has the thesis' values."""
     bias_accel_stb_m_s2: float = 0.0
     bias_yaw_rate_deg_s: float = 0.0
 
@@ -50,33 +64,43 @@ class Phase:
     errors: SensorErrors
 
 
-def by_phase(phases: Sequence[Phase], t_s: Array, pick: Callable[[SensorErrors], float]) -> Array:
-    """One number of the errors at each time, shape of `t_s`."""
+def by_phase(phases: Sequence[Phase], t_s: Array, pick: Callable[[SensorErrors], float | tuple[float, ...]]) -> Array:
+    """One number of the errors at each time, shape of `t_s`; or several, (n, numbers)."""
     number = np.searchsorted([phase.after_s for phase in phases[1:]], t_s, side="left")
     values: Array = np.array([pick(phase.errors) for phase in phases], dtype=np.float64)[number]
     return values
 
 
-def gps_position(truth: Truth, phases: Sequence[Phase], draw: np.random.Generator) -> tuple[Array, Array]:
-    """Measured (east_m, north_m) at the times of `truth`, Eq. 4.31."""
-    noise = draw.standard_normal((len(truth.t_s), 2))
-    east = truth.east_m + noise[:, 0] * by_phase(phases, truth.t_s, lambda errors: errors.gps_east_m)
-    north = truth.north_m + noise[:, 1] * by_phase(phases, truth.t_s, lambda errors: errors.gps_north_m)
-    return east, north
+def gps_position(truth: Truth, phases: Sequence[Phase], draws: Draws, flaws: Flaws = NO_FLAWS) -> Array:
+    """Measured east and north at the times of `truth` (m), (runs, n, 2), Eq. 4.30."""
+    white = draws.normals("gps1", len(truth.t_s), 2)
+    sigma = by_phase(phases, truth.t_s, lambda errors: (errors.gps_east_m, errors.gps_north_m))
+    seen = _seen(truth, flaws.gps_latency_s)
+    measured = np.stack((seen.east_m, seen.north_m), axis=1) + white * sigma
+    if flaws.gps_drift_m.density:
+        measured += drift_path(flaws.gps_drift_m, truth.t_s, draws.normals("gps1 drift", len(truth.t_s), 2))
+    return measured
 
 
-def gps_velocity(truth: Truth, phases: Sequence[Phase], draw: np.random.Generator) -> tuple[Array, Array]:
-    """Measured velocity over ground (east_m_s, north_m_s)."""
-    noise = draw.standard_normal((len(truth.t_s), 2))
+def gps_velocity(truth: Truth, phases: Sequence[Phase], draws: Draws) -> Array:
+    """Measured velocity over ground, east and north (m/s), (runs, n, 2)."""
+    white = draws.normals("gps1 velocity", len(truth.t_s), 2)
     sigma = by_phase(phases, truth.t_s, lambda errors: errors.gps_velocity_m_s)
-    return truth.v_east_m_s + noise[:, 0] * sigma, truth.v_north_m_s + noise[:, 1] * sigma
+    return np.stack((truth.v_east_m_s, truth.v_north_m_s), axis=1) + white * sigma[:, np.newaxis]
 
 
-def compass_heading_deg(truth: Truth, phases: Sequence[Phase], draw: np.random.Generator) -> Array:
-    """Measured heading from true north (deg, [0, 360))."""
-    noise = draw.standard_normal(len(truth.t_s))
+def compass_heading_deg(truth: Truth, phases: Sequence[Phase], draws: Draws, flaws: Flaws = NO_FLAWS) -> Array:
+    """Measured heading from true north (deg, [0, 360)), (runs, n), Eq. 4.31."""
+    white = draws.normals("compass1", len(truth.t_s))
     sigma = by_phase(phases, truth.t_s, lambda errors: errors.compass_deg)
-    return np.mod(np.degrees(truth.heading_rad) + noise * sigma, 360.0)
+    heading_rad = _seen(truth, flaws.compass_latency_s).heading_rad
+    # true = compass + deviation: what the compass shows is less by its deviation
+    return np.mod(np.degrees(heading_rad) - flaws.deviation.at(heading_rad) + white * sigma, 360.0)
+
+
+def _seen(truth: Truth, latency_s: float) -> Truth:
+    """What a sensor still believes that is `latency_s` behind without saying so; at first the boat's first state."""
+    return truth.at(truth.t_s - latency_s) if latency_s else truth
 
 
 def body_motion(truth: Truth) -> tuple[Array, Array, Array]:
@@ -93,21 +117,34 @@ def body_motion(truth: Truth) -> tuple[Array, Array, Array]:
     return sin * a_east + cos * a_north, cos * a_east - sin * a_north, np.diff(truth.heading_rad) / step_s
 
 
-def imu_samples(truth: Truth, phases: Sequence[Phase], draw: np.random.Generator) -> Array:
-    """Shape (n - 1, 3): accel_fwd m/s^2, accel_stb m/s^2, yaw rate deg/s; row k covers what ends at t_s[k + 1]."""
+@dataclass(frozen=True, slots=True)
+class ImuSamples:
+    """What IMUs measured over the n - 1 intervals between the times of a truth."""
+
+    values: Array
+    """(runs, n - 1, 3): accel_fwd m/s^2, accel_stb m/s^2, yaw rate deg/s; row k covers what ends at t_s[k + 1]."""
+    turn_on: Array
+    """(runs, 3): the part of the bias that was drawn for the run, same units."""
+
+
+def imu_samples(truth: Truth, phases: Sequence[Phase], draws: Draws, flaws: Flaws = NO_FLAWS) -> ImuSamples:
+    """Measured accelerations and yaw rate: (1 + scale) truth + white + bias + drift (Eqs 3.2, 3.3 and `flaws`)."""
     accel_fwd, accel_stb, yaw_rate_rad_s = body_motion(truth)
+    motion = np.stack((accel_fwd, accel_stb, np.degrees(yaw_rate_rad_s)), axis=1)
     t_s = truth.t_s[1:]
     root_rate = 1.0 / np.sqrt(np.diff(truth.t_s))
-    noise = draw.standard_normal((len(t_s), 3)) * root_rate[:, np.newaxis]
-    accel = by_phase(phases, t_s, lambda errors: errors.accel_density)
-    gyro = by_phase(phases, t_s, lambda errors: errors.gyro_density_deg)
-    return np.stack(
-        (
-            accel_fwd + noise[:, 0] * accel + by_phase(phases, t_s, lambda errors: errors.bias_accel_fwd_m_s2),
-            accel_stb + noise[:, 1] * accel + by_phase(phases, t_s, lambda errors: errors.bias_accel_stb_m_s2),
-            np.degrees(yaw_rate_rad_s)
-            + noise[:, 2] * gyro
-            + by_phase(phases, t_s, lambda errors: errors.bias_yaw_rate_deg_s),
-        ),
-        axis=1,
-    )
+    white = draws.normals("imu1", len(t_s), 3) * root_rate[:, np.newaxis]
+    sigma = by_phase(phases, t_s, lambda errors: (errors.accel_density, errors.accel_density, errors.gyro_density_deg))
+    turn_on = draws.normals("imu1 turn-on", 6) * (*flaws.turn_on, *flaws.scale)
+    scaled = motion * (1.0 + turn_on[:, np.newaxis, 3:])
+    values = scaled + white * sigma + (by_phase(phases, t_s, imu_bias) + turn_on[:, np.newaxis, :3])
+    if flaws.accel_drift.density or flaws.gyro_drift_deg.density:
+        shared = draws.normals("imu1 drift", len(t_s), 3)
+        values[..., :2] += drift_path(flaws.accel_drift, t_s, shared[..., :2])
+        values[..., 2:] += drift_path(flaws.gyro_drift_deg, t_s, shared[..., 2:])
+    return ImuSamples(values, turn_on[:, :3])
+
+
+def imu_bias(errors: SensorErrors) -> tuple[float, float, float]:
+    """Constant bias: forward, starboard (m/s^2), yaw rate (deg/s)."""
+    return errors.bias_accel_fwd_m_s2, errors.bias_accel_stb_m_s2, errors.bias_yaw_rate_deg_s

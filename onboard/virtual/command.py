@@ -28,7 +28,7 @@ LINGER_S = 0.2
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     source = parser.add_mutually_exclusive_group()
-    source.add_argument("--scenario", metavar="NAME", help="scenario of the thesis (default 5.3)")
+    source.add_argument("--scenario", metavar="NAME", help="simulated scenario, see --list (default 5.3)")
     source.add_argument("--recording", metavar="CSV", type=Path, help="play a column recording; needs --map")
     source.add_argument(
         "--nmea",
@@ -99,8 +99,9 @@ def _list() -> int:
     _need_numpy()
     from common.simulation.scenarios import SCENARIOS
 
+    width = max(map(len, SCENARIOS))
     for name, scenario in SCENARIOS.items():
-        sys.stdout.write(f"{name}  {scenario.text}\n")
+        sys.stdout.write(f"{name:<{width}}  {scenario.text}\n")
     return 0
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from common.errors import WayfixError
 from common.simulation import sensors
 from common.simulation.motion import Truth
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
-from common.simulation.scenarios import POOR, SOLENT, TABLE_5_4, scenario_voyage
-from common.simulation.sensors import Phase, generators, gps_position, imu_samples
+from common.simulation.scenario import SOLENT
+from common.simulation.scenarios import scenario_voyage
+from common.simulation.sensors import Draws, Phase, generators, gps_position, imu_samples
+from common.simulation.tables import POOR, TABLE_5_4, TABLE_5_4_BIAS
 from common.simulation.voyage import Voyage
 
 
@@ -73,7 +76,7 @@ def test_compass_errors_of_5_3(voyage: Voyage) -> None:
 
 @pytest.mark.parametrize("rate_hz", [1.0, 20.0])
 def test_imu_noise_is_a_density(rate_hz: float) -> None:
-    samples = imu_samples(at_rest(20_001, rate_hz), (Phase(0.0, TABLE_5_4),), np.random.default_rng(3))
+    samples = imu_samples(at_rest(20_001, rate_hz), (Phase(0.0, TABLE_5_4),), Draws(3)).values[0]
     assert within_3_sigma(samples[:, 0], 0.004 * math.sqrt(rate_hz))
     assert within_3_sigma(samples[:, 1], 0.004 * math.sqrt(rate_hz))
     assert within_3_sigma(samples[:, 2], 0.036 * math.sqrt(rate_hz))
@@ -86,12 +89,9 @@ def test_noise_changes_after_its_time_and_not_at_it() -> None:
 
 
 def test_bias_of_table_5_4_is_added_when_asked_for() -> None:
-    biased = sensors.SensorErrors(
-        gps_east_m=8, gps_north_m=7, compass_deg=0.8, accel_density=1e-9, gyro_density_deg=1e-9,
-        bias_accel_fwd_m_s2=0.03, bias_accel_stb_m_s2=0.02, bias_yaw_rate_deg_s=0.28,
-    )  # fmt: skip
-    samples = imu_samples(at_rest(50, 20.0), (Phase(0.0, biased),), np.random.default_rng(3))
-    assert samples.mean(axis=0) == pytest.approx([0.03, 0.02, 0.28], abs=1e-6)
+    biased = replace(TABLE_5_4, accel_density=1e-9, gyro_density_deg=1e-9, **TABLE_5_4_BIAS)
+    samples = imu_samples(at_rest(50, 20.0), (Phase(0.0, biased),), Draws(3))
+    assert samples.values[0].mean(axis=0) == pytest.approx([0.03, 0.02, 0.28], abs=1e-6)
 
 
 def test_equal_seeds_give_equal_readings_and_others_do_not() -> None:
@@ -118,10 +118,10 @@ def test_another_sensor_leaves_the_noise_of_the_others_alone(monkeypatch: pytest
 def test_streams_are_not_correlated(voyage: Voyage) -> None:
     _, errors = gps_errors(voyage)
     rest = at_rest(len(errors) + 1, 1.0)
-    draws = generators(7)
-    east, north = gps_position(rest.until(float(len(errors) - 1)), (Phase(0.0, TABLE_5_4),), draws["gps1"])
-    imu = imu_samples(rest, (Phase(0.0, TABLE_5_4),), draws["imu1"])
-    table = np.corrcoef(np.stack((east, north, imu[:, 0], imu[:, 1], imu[:, 2])))
+    draws = Draws(7)
+    fixes = gps_position(rest.until(float(len(errors) - 1)), (Phase(0.0, TABLE_5_4),), draws)[0]
+    imu = imu_samples(rest, (Phase(0.0, TABLE_5_4),), draws).values[0]
+    table = np.corrcoef(np.concatenate((fixes, imu), axis=1).T)
     assert np.abs(table - np.eye(5)).max() < 4.0 / math.sqrt(len(errors))
 
 
@@ -133,3 +133,21 @@ def test_imu_readings_cover_intervals_that_end_at_their_time(voyage: Voyage) -> 
 def test_unknown_scenario_is_told_with_the_names_there_are() -> None:
     with pytest.raises(WayfixError, match=r"no scenario '9.9'.*5\.3"):
         scenario_voyage("9.9")
+
+
+def test_seed_7_of_5_3_still_gives_the_readings_it_always_gave() -> None:
+    # A new stream or error model must not move the numbers of a seed: the demo's figures hang on them.
+    readings = [timed for timed in scenario_voyage("5.3", seed=7).readings if timed.t_s <= 600.0]
+    fix, heading, imu = (
+        next(timed.reading for timed in reversed(readings) if timed.sensor == sensor)
+        for sensor in ("gps1", "compass1", "imu1")
+    )
+    assert isinstance(fix, FixReading)
+    assert isinstance(heading, HeadingReading)
+    assert isinstance(imu, ImuReading)
+    assert (fix.lat_deg, fix.lon_deg) == pytest.approx((50.76199746257153, -1.2869923686468723), abs=1e-10)
+    assert (fix.v_east_m_s, fix.v_north_m_s) == pytest.approx((-1.386692456519469, 0.33721182879262607), abs=1e-9)
+    assert heading.heading_true_deg == pytest.approx(295.01519694970597, abs=1e-9)
+    assert imu.accel_fwd_m_s2 == pytest.approx(-0.004615717990617345, abs=1e-9)
+    assert imu.accel_stb_m_s2 == pytest.approx(0.005272733433308318, abs=1e-9)
+    assert imu.yaw_rate_deg_s == pytest.approx(0.0350010230447443, abs=1e-9)

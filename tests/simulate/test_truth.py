@@ -8,12 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.angles import difference_rad
-from common.simulation.fields import WavyCurrent
-from common.simulation.motion import Mission, Truth, grid, sail, turn_direction
-from common.simulation.scenarios import SOLENT_TIDE, TRACK_1
+from common.simulation.fields import STILL
+from common.simulation.motion import Mission, Truth, cleared, grid, sail, turn_direction
 from common.simulation.sensors import body_motion
-
-STILL = WavyCurrent(drift_m_s=0.0, towards_deg=0.0)
+from common.simulation.thesis import SOLENT_TIDE, TRACK_1
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +27,7 @@ def test_mission_of_scenario_5_3_ends_within_the_clearance_of_the_end_point(trac
 
 
 def test_first_velocity_has_the_current_in_it(track: Truth) -> None:
-    east, north = SOLENT_TIDE(765.0, 728.0)
+    east, north = SOLENT_TIDE(765.0, 728.0, 0.0)
     assert track.v_east_m_s[0] == pytest.approx(east - 0.5, abs=1e-4)
     assert track.v_north_m_s[0] == pytest.approx(north - 0.866, abs=1e-4)
     assert math.hypot(east, north) == pytest.approx(0.5)
@@ -93,3 +91,26 @@ def test_a_boat_that_cannot_reach_its_waypoint_is_stopped() -> None:
         longest_s=300.0,
     )
     assert sail(wide, STILL).t_s[-1] == pytest.approx(300.0)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(0.0, math.tau), st.floats(0.1, 100.0))
+def test_a_waypoint_is_cleared_within_its_circle_only(east: float, north: float, bearing: float, d: float) -> None:
+    # Eq. 4.54: nearer than d, whatever the direction.
+    for share, expected in ((0.999, True), (1.001, False)):
+        place = (east + share * d * math.sin(bearing), north + share * d * math.cos(bearing))
+        assert cleared(place, (east, north), d) is expected
+
+
+def test_the_helm_goes_for_the_next_waypoint_where_the_first_is_cleared() -> None:
+    mission = Mission(start=(0.0, 0.0), waypoints=((0.0, 100.0), (100.0, 100.0)), heading_deg=0.0)
+    track = sail(mission, STILL)
+    turning = np.flatnonzero(track.heading_rad > 0.0)[0]
+    # The helm decides once a second, so up to 1 m late.
+    assert 80.0 < track.north_m[turning] < 81.2
+
+
+def test_a_field_that_changes_in_time_pushes_with_its_value_of_the_time() -> None:
+    mission = Mission(start=(0.0, 0.0), waypoints=((0.0, 1e4),), heading_deg=0.0, longest_s=100.0)
+    track = sail(mission, lambda east, north, t_s: (0.0 * east, 0.01 * t_s + 0.0 * north))
+    assert track.v_north_m_s == pytest.approx(1.0 + 0.01 * track.t_s)
+    assert track.north_m[-1] == pytest.approx(100.0 + 0.005 * 100.0**2)

@@ -1,0 +1,42 @@
+"""What a filter is told about a scenario's sensors and start: the tables a thesis prints beside its results."""
+
+import math
+from dataclasses import dataclass
+
+from common.simulation.readings import SensorFacts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assumed:
+    """1-sigma that a filter starts from; what the sensors really do is in `SensorErrors`."""
+
+    gps_east_m: float
+    gps_north_m: float
+    compass_deg: float
+    accel_density: float
+    """m/s^2/sqrt(Hz), both axes."""
+    gyro_density_deg: float
+    """deg/s/sqrt(Hz)."""
+    start_position_m: float = 1.0
+    """Square root of P(1), each axis (Eqs 4.39, 4.43)."""
+    start_velocity_m_s: float = 0.1
+    """Each axis."""
+    start_heading_deg: float = 0.5
+    exact_start: bool = False
+    """The first state is the true one, though P(1) is not 0; else it is drawn from P(1) about the truth."""
+
+    @property
+    def start_sigmas(self) -> tuple[float, float, float, float, float]:
+        """Square roots of the diagonal of P(1) in the order of the state, SI: m, m, m/s, m/s, rad."""
+        position, velocity = self.start_position_m, self.start_velocity_m_s
+        return position, position, velocity, velocity, math.radians(self.start_heading_deg)
+
+    @property
+    def facts(self) -> SensorFacts:
+        """The same as a boat's file says it; a receiver's entry holds one number, so the mean of both axes."""
+        return SensorFacts(
+            sigma_m=0.5 * (self.gps_east_m + self.gps_north_m),
+            sigma_deg=self.compass_deg,
+            accel_density=self.accel_density,
+            gyro_density_deg=self.gyro_density_deg,
+        )

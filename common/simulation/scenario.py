@@ -1,0 +1,104 @@
+"""A scenario: a mission, what moves the boat, what its sensors do, what its filter is told; and variants of one."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from common.geodesy import LocalPlane
+from common.simulation.assumed import Assumed
+from common.simulation.fields import STILL, VectorField
+from common.simulation.flaws import NO_FLAWS, Flaws
+from common.simulation.manoeuvres import Manoeuvres, follow
+from common.simulation.motion import Array, Mission, Place, Truth, sail
+from common.simulation.sensors import Phase, imu_bias
+from common.simulation.tables import REALISTIC, TABLE_5_4_BIAS, budget_m
+
+SOLENT: Final = LocalPlane(50.76, -1.29)
+"""Origin of the simulated plane, near Cowes: a schematic stand-in. The thesis prints its map without coordinates, so
+the tracks cross land and sea as they like."""
+
+Sensor = Literal["gps1", "compass1"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outage:
+    """A sensor gives nothing for from_s <= t < from_s + length_s."""
+
+    sensor: Sensor
+    from_s: float
+    length_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """Everything that makes a run but its seed."""
+
+    name: str
+    group: str
+    """Heading under which it is listed."""
+    text: str
+    mission: Mission | Manoeuvres
+    phases: tuple[Phase, ...]
+    assumed: Assumed
+    """Told to the filter, profile `stated`."""
+    compat: Assumed | None = None
+    """Profile `compat`, which explains the published figures; `None` = nothing is published."""
+    current: VectorField = STILL
+    """All that moves the boat besides its own speed through the water; `Manoeuvres`, over ground, feel nothing."""
+    flaws: Flaws = NO_FLAWS
+    outages: tuple[Outage, ...] = ()
+    step_s: float = 1.0
+    """T of the thesis: all sensors measure at once every so often in the laboratory."""
+    plane: LocalPlane = SOLENT
+    coast: tuple[Place, ...] = ()
+    """A line to draw: our own schematic stand-in for the shore, which no calculation uses."""
+
+    @property
+    def bias(self) -> Literal["removed", "full"]:
+        """Whether the IMU's bias is left in its samples."""
+        drawn = any(self.flaws.turn_on)
+        return "full" if drawn or any(any(imu_bias(phase.errors)) for phase in self.phases) else "removed"
+
+    def truth(self) -> Truth:
+        """Sail it: the same each time."""
+        if isinstance(self.mission, Manoeuvres):
+            return follow(self.mission)
+        return sail(self.mission, self.current)
+
+    def works(self, sensor: Sensor, t_s: Array) -> npt.NDArray[np.bool_]:
+        """Whether the sensor gives something at each time (bool): not within an outage."""
+        given = np.ones(len(t_s), dtype=np.bool_)
+        for outage in self.outages:
+            if outage.sensor == sensor:
+                given &= (t_s < outage.from_s) | (t_s >= outage.from_s + outage.length_s)
+        return given
+
+
+def with_outage(scenario: Scenario, from_s: float, length_s: float, sensor: Sensor = "gps1") -> Scenario:
+    """The scenario with one more outage; all other readings keep their values."""
+    return replace(scenario, outages=(*scenario.outages, Outage(sensor, from_s, length_s)))
+
+
+def with_bias(scenario: Scenario) -> Scenario:
+    """The scenario with the full IMU bias of Table 5.4 left in."""
+    return with_noise(scenario, **TABLE_5_4_BIAS)
+
+
+def with_drift(scenario: Scenario) -> Scenario:
+    """The scenario with the in-run drift of `realistic` in its IMU, beside whatever bias it has."""
+    accel, gyro = REALISTIC.accel_drift, REALISTIC.gyro_drift_deg
+    return replace(scenario, flaws=replace(scenario.flaws, accel_drift=accel, gyro_drift_deg=gyro))
+
+
+def with_noise(scenario: Scenario, **errors: Any) -> Scenario:
+    """The scenario with fields of `SensorErrors` replaced in every phase."""
+    phases = tuple(Phase(phase.after_s, replace(phase.errors, **errors)) for phase in scenario.phases)
+    return replace(scenario, phases=phases)
+
+
+def realistic(scenario: Scenario) -> Scenario:
+    """The scenario with the flaws of the preset `realistic`; its white GPS noise is Table 3.3's fast part."""
+    white_m = budget_m(is_slow=False)
+    return replace(with_noise(scenario, gps_east_m=white_m, gps_north_m=white_m), flaws=REALISTIC)
