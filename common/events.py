@@ -82,6 +82,7 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "filter-started": EventKind("info", "filters start at {lat_deg}, {lon_deg}", "nothing to do"),
     "filter-waiting": EventKind("info", "filters wait for: {missing}", "check these sensors"),
+    "filter-aligned": EventKind("info", "filters are aligned: estimates are valid from here on", "nothing to do"),
     "filter-reset": EventKind(
         "error", "filter {filter} gave no finite number and was started again", "report this log"
     ),
@@ -92,13 +93,38 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "late-dropped": EventKind(
         "warning",
-        "{count} measurements of {sensor} came more than {horizon_s} s late and were not fused",
-        "kept in the log for `replay`",
+        "{count} measurements of {sensor} came more than {limit_s} s late and were not fused",
+        "kept in the log: `wayfix replay LOG --order time` puts them in their place",
     ),
-    "variation-unknown": EventKind(
+    "ahead-dropped": EventKind(
         "warning",
-        "{sensor} is magnetic and no variation is known: 0 is used",
-        "set boat.variation_deg in the board's file",
+        "{count} measurements of {sensor} are stamped more than {limit_s} s after their own frame and were not fused",
+        "check the receiver's time; they are kept in the log",
+    ),
+    "variation-used": EventKind(
+        "info",
+        "magnetic variation here is {variation_deg} deg (WMM2025, east +, good to {doubt_deg} deg)",
+        "nothing to do",
+    ),
+    "variation-undated": EventKind(
+        "warning",
+        "the date is unknown: {variation_deg} deg of variation are those of {year}",
+        "let the receiver send RMC or ZDA, or set boat.variation_deg in the board's file",
+    ),
+    "variation-expired": EventKind(
+        "warning",
+        "the date, {year}, is outside the years of the magnetic model (WMM2025): the variation of {used_year} is used",
+        "update Wayfix or set boat.variation_deg in the board's file; if the date is wrong, check the receiver",
+    ),
+    "compass-weak": EventKind(
+        "warning",
+        "the earth's horizontal field is only {field_nt} nT here: compass and variation are to be used with caution",
+        "near a magnetic pole use a satellite compass or a gyrocompass",
+    ),
+    "compass-useless": EventKind(
+        "warning",
+        "the earth's horizontal field is only {field_nt} nT here: compass and variation are unreliable",
+        "near a magnetic pole use a satellite compass or a gyrocompass",
     ),
 }
 

@@ -105,24 +105,28 @@ class SensorTable:
     """GPS: for each horizontal axis."""
     sigma_deg: Annotated[float, Range(0.001, 180.0)] = 1.0
     """Compass."""
-    accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.2
-    """IMU acceleration noise, m/s^2/sqrt(Hz). The default is no data sheet's: rolling by a few degrees leaks
-    some 0.3 m/s^2 of gravity for a third of a second into a small boat's accelerometer (0.3 sqrt(2 x 0.3 s) = 0.2)."""
-    gyro_density_deg: Annotated[float, Range(1e-6, 1000.0)] = 0.5
-    """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz). The default covers what is not modelled yet: a turn-on bias of
-    0.3 deg/s (thesis Table 3.4) or a scale error of some per cent in a turn, over a second or two."""
+    accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.1
+    """IMU acceleration noise, m/s^2/sqrt(Hz). The default is no data sheet's (0.001 to 0.004): a hull that heels or
+    trims by 0.4 deg for about a second shows 0.07 m/s^2 of gravity (0.07 sqrt(2 x 1 s) = 0.1). Regular rolling adds
+    little: what it shows comes back within a period."""
+    gyro_density_deg: Annotated[float, Range(1e-6, 1000.0)] = 0.2
+    """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz). The default covers a scale error of 1 % in a turn of 10 deg/s over
+    two seconds (0.1 sqrt(2 x 2 s) = 0.2); a data sheet's own is 0.005 to 0.04."""
     bias_accel_fwd_m_s2: float = 0.0
     """Known bias, subtracted ashore (thesis Eq. 3.2)."""
     bias_accel_stb_m_s2: float = 0.0
     bias_yaw_rate_deg_s: float = 0.0
     """Thesis Eq. 3.3."""
-    bias_accel_sigma_m_s2: Annotated[float, Range(0.0, 10.0)] = 0.3
+    bias_accel_sigma_m_s2: Annotated[float, Range(0.0, 10.0)] = 0.15
     """What is left of the accelerometers' biases, each axis: the filters estimate it. 0 = calibrated, not estimated.
-    The default is a consumer sensor mounted by eye: 1.7 deg off level shows 0.3 m/s^2."""
+    The default is a consumer sensor mounted by eye: an offset of 10 mg, and 0.7 deg off level shows 0.12 m/s^2."""
     bias_accel_walk_m_s2: Annotated[float, Range(0.0, 1.0)] = 0.002
-    """How fast that bias wanders: it changes by this in a second, by ten times as much in 100 s (m/s^2 / sqrt(s))."""
+    """How fast that bias wanders: it changes by this in a second, by ten times as much in 100 s (m/s^2 / sqrt(s)).
+    The default is a sensor of 1 mg/deg C that warms by 1 deg C a minute, and a list that changes by 0.1 deg in it."""
     bias_yaw_rate_sigma_deg_s: Annotated[float, Range(0.0, 50.0)] = 1.0
+    """The same for the yaw rate; the default is a consumer gyro that was not zeroed at rest (deg/s)."""
     bias_yaw_rate_walk_deg_s: Annotated[float, Range(0.0, 5.0)] = 0.005
+    """The default is a gyro of 0.03 deg/s per deg C that warms by 1 deg C a minute (deg/s / sqrt(s))."""
     tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = 0.2
     """A hull that lifts its bow with speed u lets the forward accelerometer see c u |u| of gravity: 1-sigma of c, which
     the filters estimate; 0 = no such state."""

@@ -191,7 +191,7 @@ class LiveRun:
             self._write_estimate(estimate, now_ns)
         for happening in (*frame.events, *output.events):
             self._happened(happening, now_ns)
-        self._status.take(frame, output.estimates)
+        self._status.take(frame, output)
 
     def _gap_events(self, frame: Frame) -> Iterator[Event]:
         first_seq = frame.seq if frame.first_seq is None else frame.first_seq

@@ -1,4 +1,4 @@
-"""`wayfix`: connect to a boat, replay a log, run the demo."""
+"""`wayfix`: connect to a boat, replay a log, run the demo, the laboratory."""
 
 import argparse
 import json
@@ -14,6 +14,7 @@ from typing import Any
 from common.command import number, run_command
 from common.errors import LinkError, WayfixError
 from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
+from shore.lab.arguments import add_arguments
 
 # Five-by-five matrices get slower, and timings jump, when a linear algebra library starts threads for them.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -61,6 +62,12 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument(
         "--reference", type=Path, metavar="FILE", help="CSV t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]"
     )
+    replay.add_argument(
+        "--order",
+        choices=("arrival", "time"),
+        default="arrival",
+        help="arrival: as live (default); time: by the boat's clock, late frames in their place, the best track",
+    )
     _add_filter_arguments(replay, None)
     _add_json(replay)
     replay.set_defaults(command=_replay)
@@ -83,6 +90,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_json(demo)
     demo.set_defaults(command=_demo)
+
+    lab = commands.add_parser("lab", help="scenarios x filters x runs", description=_lab.__doc__)
+    add_arguments(lab)
+    lab.set_defaults(command=_lab)
     return parser
 
 
@@ -118,20 +129,27 @@ def _connect(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    """Feed a log's frames to the filters in order of arrival; compare with the recorded estimates and a reference."""
+    """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
+    from shore.navigation.timeline import HORIZON_S
     from shore.replay import replay
     from shore.score import score_of, score_table
 
     filters = _filters(arguments.filters) if arguments.filters else None
-    result = replay(arguments.log, filters, arguments.step, _progress if sys.stderr and sys.stderr.isatty() else None)
+    progress = _progress if sys.stderr and sys.stderr.isatty() else None
+    result = replay(arguments.log, filters, arguments.step, arguments.order, progress)
     if not result.frames:
         damage = f" ({result.damage})" if result.damage else ""
         raise WayfixError(f"holds no frame{damage}", str(arguments.log), "give a log with frames in it")
     summary: dict[str, Any] = {
-        "frames": {"read": len(result.frames), "bad": result.bad_frames},
+        "order": result.order,
+        "frames": {"read": len(result.frames), "bad": result.bad_frames, "late": result.late_frames},
         "estimates": {"made": len(result.estimates), "recorded": result.recorded, "equal": result.equal},
     }
     print(f"{arguments.log}: {len(result.frames)} frames, filters {', '.join(result.filters)}")
+    if result.order == "time":
+        print("in order of boat time, late frames in their place: the best track, not what was seen live")
+    elif result.late_frames:
+        print(f"{result.late_frames} frames came more than {HORIZON_S:g} s late; --order time puts them in their place")
     if arguments.step is not None and not result.recorded:
         print("estimates are not compared with the recorded ones: the step is another")
     if result.recorded:
@@ -181,6 +199,13 @@ def _demo(arguments: argparse.Namespace) -> int:
         print(f"picture {summary['picture']}")
     _finish(arguments, summary)
     return 0 if counts["lost"] == 0 else 1
+
+
+def _lab(arguments: argparse.Namespace) -> int:
+    """Simulated scenarios x filters x runs, beside the thesis' published tables and the bound of the possible."""
+    from shore.lab.command import run
+
+    return run(arguments)
 
 
 def _add_filter_arguments(parser: argparse.ArgumentParser, default: str | None) -> None:

@@ -4,7 +4,7 @@ The same frames in the same order give the same estimates, bit for bit.
 """
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -14,20 +14,20 @@ from common.events import event
 from common.messages import Event, Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S
+from shore.navigation.alignment import Alignment, before_start
 from shore.navigation.bank import Bank, Batch, Moment
-from shore.navigation.beginning import missing
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filters import build_filter, facts_of
-from shore.navigation.imu import ImuTrack
+from shore.navigation.imu import ImuTrack, blocks_of, driving_sensor
 from shore.navigation.measurements import FARTHEST_M, Reader
 from shore.navigation.synchronous import LONGEST_STEP_S, SHORTEST_STEP_S, Synchronous
-from shore.navigation.timeline import HORIZON_S, Timeline
+from shore.navigation.timeline import AHEAD_S, HORIZON_S, Timeline
 
 WAITING_AFTER_S: Final = 5.0
 FAR_FIXES: Final = 10
 """So many fixes in a row beyond the plane's reach: it was the origin that was wrong (or the boat was carried away)."""
-LATE_REPORT_S: Final = 10.0
-"""Late measurements are summed up at most this often."""
+SUMMED_S: Final = 10.0
+"""Measurements that are not fused are summed up, and told at most this often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +36,8 @@ class Output:
 
     estimates: tuple[Estimate, ...] = ()
     events: tuple[Event, ...] = ()
+    waiting: tuple[str, ...] | None = None
+    """What the first filter lacks before its estimates are valid, empty = nothing; `None` = not the newest frame."""
 
 
 class SeenFrames:
@@ -105,21 +107,23 @@ class _Run:
 
     def __init__(self, config: BoatConfig, names: tuple[str, ...], step_s: float | None) -> None:
         facts = facts_of(config)
-        imus = [sensor for sensor in config.with_role("imu") if sensor.use]
-        self._imu = ImuTrack(imus[0]) if imus else None
+        self._driver = driving_sensor(config)
+        imu = ImuTrack(self._driver) if self._driver else None
         self._names = names
+        self._alignments = {name: Alignment() for name in names}
         filters = [build_filter(name, facts) for name in names]
         self._bank = Bank(filters, facts, has_compass=bool(config.with_role("compass")))
         self._feeder: Timeline | Synchronous = (
-            Timeline(self._bank, self._imu) if step_s is None else Synchronous(self._bank, self._imu, step_s)
+            Timeline(self._bank, imu) if step_s is None else Synchronous(self._bank, imu, step_s)
         )
         self._events: list[Event] = []
         self._reader = Reader(config, self._events.append)
         self._first_ns: int | None = None
         self._newest_ns = 0
-        self._is_started = self._has_waited = False
+        self._is_started = self._has_waited = self._is_aligned = False
         self._resets_told: set[tuple[str, int]] = set()
-        self._late_told: dict[str, tuple[int, int]] = {}
+        self._unused_told: dict[tuple[str, str], tuple[int, int]] = {}
+        """(code, sensor) -> measurements told so far, and when."""
 
     @property
     def far_fixes(self) -> int:
@@ -136,59 +140,73 @@ class _Run:
             self._first_ns, self._newest_ns = frame.t0_ns, frame.t1_ns
         self._newest_ns = max(self._newest_ns, frame.t1_ns)
         moments = self._feeder.push(self._batch(frame))
+        self._tell_resets()
         estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
         if estimates and not self._is_started:
             self._is_started = True
             lat_deg, lon_deg = round(estimates[0].lat_deg, 6), round(estimates[0].lon_deg, 6)
             self.tell("filter-started", estimates[0].t_ns, "filter", lat_deg=lat_deg, lon_deg=lon_deg)
+        waiting = self._waiting(moments[-1], estimates) if moments else None
         for moment in moments:
             self._tell_waiting(moment, self._first_ns)
-        self._tell_resets()
-        self._tell_late()
+        if waiting == () and not self._is_aligned:
+            self._is_aligned = True
+            self.tell("filter-aligned", self._newest_ns, "filter")
+        self._tell_unused()
         told = tuple(self._events)
         self._events.clear()
-        return Output(tuple(estimates), told)
+        return Output(tuple(estimates), told, waiting)
 
     def _batch(self, frame: Frame) -> Batch:
         """The frame's measurements, converted; those of no use are left out."""
-        positions = (self._reader.position(fix) for fix in frame.fixes)
-        headings = (self._reader.true_heading(heading) for heading in frame.headings)
-        measurements = [measured for measured in (*positions, *headings) if measured is not None]
-        blocks = [block for block in frame.imu if self._imu is not None and block.sensor == self._imu.sensor_id]
-        return Batch(frame.t1_ns, frame.boot_id, tuple(measurements), tuple(blocks))
+        blocks = blocks_of(frame, self._driver) if self._driver else ()
+        return Batch(frame.t1_ns, frame.boot_id, self._reader.read(frame), blocks)
 
     def _estimates(self, moment: Moment, frame: Frame) -> list[Estimate]:
         plane = self._reader.plane
         if plane is None:
             return []
-        return [
-            estimate
-            for name, state in zip(self._names, moment.states, strict=True)
-            if state is not None and (estimate := estimate_of(state, name, moment.t_ns, frame, plane))
-        ]
+        estimates = []
+        for name, state in zip(self._names, moment.states, strict=True):
+            if state is not None:
+                waiting = self._alignments[name].waiting(state)
+                estimates.append(estimate_of(state, frame, plane, name=name, t_ns=moment.t_ns, waiting=waiting))
+        return [estimate for estimate in estimates if estimate is not None]
+
+    def _waiting(self, moment: Moment, estimates: Sequence[Estimate]) -> tuple[str, ...]:
+        """What the first filter lacks."""
+        newest = [item for item in estimates if item.filter == self._names[0]]
+        if newest:
+            return newest[-1].waiting
+        return before_start(moment.position, moment.heading, self._bank.has_compass) or ("restart",)
 
     def _tell_waiting(self, moment: Moment, first_ns: int) -> None:
         """Once, when the start takes longer than 5 s."""
         if self._is_started or self._has_waited or moment.t_ns - first_ns < WAITING_AFTER_S * NS_PER_S:
             return
         self._has_waited = True
-        words = missing(moment.position, moment.heading, self._bank.has_compass)
-        self.tell("filter-waiting", moment.t_ns, "filter", missing=words)
+        waiting = before_start(moment.position, moment.heading, self._bank.has_compass)
+        self.tell("filter-waiting", moment.t_ns, "filter", missing=", ".join(waiting))
 
     def _tell_resets(self) -> None:
         """Each once, though a rewind may find it again."""
         for name, t_ns in self._bank.resets:
             if (name, t_ns) not in self._resets_told:
                 self._resets_told.add((name, t_ns))
+                self._alignments[name].begin_again()
                 self.tell("filter-reset", t_ns, "filter", filter=name)
         self._bank.resets.clear()
 
-    def _tell_late(self) -> None:
+    def _tell_unused(self) -> None:
         """Summed up, so that a backfill after a cut of the link is a few events instead of thousands."""
+        self._tell_counts("late-dropped", self._feeder.late, HORIZON_S)
+        self._tell_counts("ahead-dropped", self._feeder.ahead, AHEAD_S)
+
+    def _tell_counts(self, code: str, counts: Mapping[str, int], limit_s: float) -> None:
         now_ns = self._newest_ns
-        for sensor, count in self._feeder.late.items():
-            told, told_at_ns = self._late_told.get(sensor, (0, None))
-            if count == told or (told_at_ns is not None and now_ns - told_at_ns < LATE_REPORT_S * NS_PER_S):
+        for sensor, count in counts.items():
+            told, told_at_ns = self._unused_told.get((code, sensor), (0, None))
+            if count == told or (told_at_ns is not None and now_ns - told_at_ns < SUMMED_S * NS_PER_S):
                 continue
-            self._late_told[sensor] = (count, now_ns)
-            self.tell("late-dropped", now_ns, sensor, sensor=sensor, count=count - told, horizon_s=HORIZON_S)
+            self._unused_told[code, sensor] = (count, now_ns)
+            self.tell(code, now_ns, sensor, sensor=sensor, count=count - told, limit_s=limit_s)

@@ -1,9 +1,9 @@
-"""Replay: the recorded frames through the very pipeline that ran live, in file order."""
+"""Replay: the recorded frames through the very pipeline that ran live, in order of arrival or of boat time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
@@ -12,7 +12,11 @@ from common.sensors import BoatConfig
 from common.settings import convert
 from shore.logbook.read import LogReader, read_log
 from shore.logbook.schemas import FRAMES, SESSION
+from shore.navigation.timeline import HORIZON_NS
 from shore.pipeline import Pipeline
+
+ORDERS: Final = ("arrival", "time")
+"""As live, every frame when it came; or sorted by boat time, so that a late backfill is in its place."""
 
 
 @dataclass(slots=True)
@@ -21,15 +25,26 @@ class Replay:
 
     config: BoatConfig
     filters: tuple[str, ...]
+    order: str = "arrival"
     frames: list[Frame] = field(default_factory=list)
+    """In the order in which they were fed."""
     estimates: list[dict[str, Any]] = field(default_factory=list)
     recorded: int = 0
     """Estimates in the log of the filters that were replayed."""
     equal: int = 0
     """Of these, how many came out the same to the last bit."""
     bad_frames: int = 0
+    late_frames: int = 0
+    """Frames that came later than the timeline rewinds; fused in order of time only."""
     damage: str | None = None
     """Why the log ends early, if it does."""
+
+
+class Arrival(NamedTuple):
+    """A frame and the configuration of the board that sent it."""
+
+    frame: Frame
+    config: BoatConfig
 
 
 def session_start(reader: LogReader, path: Path) -> dict[str, Any]:
@@ -57,36 +72,81 @@ def logged_config(reader: LogReader, path: Path) -> BoatConfig:
 
 
 def replay(
-    path: Path, filters: Sequence[str] | None = None, step_s: float | None = None, progress: Any = None
+    path: Path,
+    filters: Sequence[str] | None = None,
+    step_s: float | None = None,
+    order: str = "arrival",
+    progress: Any = None,
 ) -> Replay:
-    """Replay a log. Filters and step default to those of the live run; progress wraps the records."""
+    """Replay a log. Filters and step default to those of the live run; progress wraps the frames.
+
+    In order of time estimates are made that no live run could have made, so they are not compared with the recorded.
+    """
     reader = read_log(path)
     options = session_start(reader, path).get("options", {})
-    config = logged_config(reader, path)
     names = tuple(filters or options.get("filters", ()))
     live_step_s = options.get("step_s")
     step_s = live_step_s if step_s is None else step_s
-    result = Replay(config, names)
-    pipeline = Pipeline(config, names, step_s)
-    records = reader.records(SESSION, FRAMES)
-    for record in progress(records) if progress else records:
-        if record.topic == SESSION:
+    result = Replay(logged_config(reader, path), names, order)
+    pipeline = Pipeline(result.config, names, step_s)
+    arrivals: Iterable[Arrival] = _arrivals(reader, path, result)
+    if order == "time":
+        arrivals = in_order_of_time(list(arrivals))
+    for frame, config in progress(arrivals) if progress else arrivals:
+        if config is not result.config:
             # A board that came back with another configuration: the live run began anew there.
-            if (changed := config_of(record.json(), path)) not in (None, result.config):
-                result.config = changed
-                pipeline = Pipeline(changed, names, step_s)
+            result.config = config
+            pipeline = Pipeline(config, names, step_s)
+        result.frames.append(frame)
+        result.estimates += [estimate.as_record() for estimate in pipeline.push(frame).estimates]
+    result.damage = reader.damage
+    if step_s == live_step_s and order == "arrival":
+        _compare(result, reader)
+    return result
+
+
+def _arrivals(reader: LogReader, path: Path, result: Replay) -> Iterator[Arrival]:
+    """The frames of a log in file order; those that are damaged or late are counted in `result`."""
+    config = result.config
+    newest: Frame | None = None
+    for record in reader.records(SESSION, FRAMES):
+        if record.topic == SESSION:
+            if (changed := config_of(record.json(), path)) not in (None, config):
+                config = changed
             continue
         try:
             frame = decode_frame(record.data)
         except CodecError:
             result.bad_frames += 1
             continue
-        result.frames.append(frame)
-        result.estimates += [estimate.as_record() for estimate in pipeline.push(frame).estimates]
-    result.damage = reader.damage
-    if step_s == live_step_s:
-        _compare(result, reader)
-    return result
+        if newest is None or _is_newer(frame, newest):
+            newest = frame
+        result.late_frames += frame.clock_id != newest.clock_id or frame.t1_ns < newest.t1_ns - HORIZON_NS
+        yield Arrival(frame, config)
+
+
+def _is_newer(frame: Frame, newest: Frame) -> bool:
+    if frame.clock_id == newest.clock_id:
+        return frame.t1_ns > newest.t1_ns
+    return frame.start_no >= newest.start_no
+
+
+def in_order_of_time(arrivals: Sequence[Arrival]) -> list[Arrival]:
+    """Sorted by boat time; clocks that cannot be compared follow each other in the order of the daemon's starts.
+
+    A start of the daemon has one configuration: the one under which its first frame came.
+    """
+    first_start: dict[str, int] = {}
+    configs: dict[str, BoatConfig] = {}
+    for frame, config in arrivals:
+        first_start[frame.clock_id] = min(frame.start_no, first_start.get(frame.clock_id, frame.start_no))
+        configs.setdefault(frame.boot_id, config)
+    clocks = sorted(first_start, key=lambda clock_id: first_start[clock_id])
+    places = {clock_id: place for place, clock_id in enumerate(clocks)}
+    frames = sorted(
+        (frame for frame, _ in arrivals), key=lambda frame: (places[frame.clock_id], frame.t1_ns, frame.seq)
+    )
+    return [Arrival(frame, configs[frame.boot_id]) for frame in frames]
 
 
 def _compare(result: Replay, reader: LogReader) -> None:

@@ -18,7 +18,7 @@ from common.geodesy import LocalPlane
 from common.messages import Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S
-from shore.navigation.measurements import Reader
+from shore.navigation.measurements import Reader, TrueHeading
 
 Array = NDArray[np.float64]
 
@@ -140,10 +140,9 @@ class Score:
         for fix in frame.fixes:
             if fix.usable and fix.lat_deg is not None and fix.lon_deg is not None:
                 self._position("gps", fix.t_ns, fix.lat_deg, fix.lon_deg)
-        for reading in frame.headings:
-            true = self._reader.true_heading(reading)
-            if true is not None:
-                self._heading("compass", reading.t_ns, heading_deg(float(true.heading_rad)))
+        for measured in self._reader.read(frame):
+            if isinstance(measured, TrueHeading):
+                self._heading("compass", measured.t_ns, heading_deg(float(measured.heading_rad)))
 
     def take_estimate(self, record: dict[str, Any]) -> None:
         """One logged estimate (see `Estimate.as_record`)."""

@@ -1,13 +1,13 @@
 """The one status line a second: every number with its age, source and quality; a stale one says so."""
 
-from collections.abc import Sequence
 from math import hypot
-from typing import Final
+from typing import Final, TypeVar
 
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig, stale_after_s
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
+from shore.pipeline import Output
 
 _QUALITY = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
 """GGA quality of fixes that are fused."""
@@ -15,25 +15,40 @@ _QUALITY = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
 
 STALE_ESTIMATE_S: Final = 2.0
 
+_Item = TypeVar("_Item")
+
 
 class StatusLine:
     """Remembers the newest of everything; `text` is pure."""
 
     def __init__(self, config: BoatConfig, shown_filter: str) -> None:
-        self.t_ns = 0
-        """Boat time of the newest frame."""
         self._config = config
         self._filter = shown_filter
+        self._clock: tuple[str, int] | None = None
+        """(clock_id, start_no) of the newest daemon start."""
+        self._forget()
+
+    def _forget(self) -> None:
+        self.t_ns = 0
+        """Boat time of the newest frame."""
         self._fix: Fix | None = None
         self._heading: Heading | None = None
         self._estimate: Estimate | None = None
+        self._waiting: tuple[str, ...] = ()
 
-    def take(self, frame: Frame, estimates: Sequence[Estimate]) -> None:
-        """One frame and what the pipeline made of it."""
+    def take(self, frame: Frame, output: Output) -> None:
+        """One frame, in any order, and what the pipeline made of it."""
+        clock_id, start_no = self._clock or (frame.clock_id, frame.start_no)
+        if frame.clock_id != clock_id:
+            if frame.start_no < start_no:
+                return
+            self._forget()  # the board was rebooted: its time begins again
+        self._clock = frame.clock_id, max(frame.start_no, start_no)
         self.t_ns = max(self.t_ns, frame.t1_ns)
-        self._fix = frame.fixes[-1] if frame.fixes else self._fix
-        self._heading = frame.headings[-1] if frame.headings else self._heading
-        self._estimate = next((item for item in estimates if item.filter == self._filter), self._estimate)
+        self._fix = max((*frame.fixes, *_if_any(self._fix)), key=_time, default=None)
+        self._heading = max((*frame.headings, *_if_any(self._heading)), key=_time, default=None)
+        self._estimate = next((item for item in output.estimates if item.filter == self._filter), self._estimate)
+        self._waiting = self._waiting if output.waiting is None else output.waiting
 
     def text(self, received: int, missing: int) -> str:
         """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age)."""
@@ -42,14 +57,15 @@ class StatusLine:
 
     def _estimate_text(self) -> str:
         estimate = self._estimate
+        waiting = f" waiting for: {', '.join(self._waiting)}" if self._waiting else ""
         if estimate is None:
-            return f"{self._filter} waits"
+            return f"{self._filter}{waiting or ' waits'}"
         sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
         heading = f"{_tenths(estimate.heading_true_deg)}°T ±{estimate.sigma_heading_deg:.1f}°"
         place = position_text(estimate.lat_deg, estimate.lon_deg)
         age_s = (self.t_ns - estimate.t_ns) / NS_PER_S
         stale = f" STALE ({age_s:.0f} s)" if age_s > STALE_ESTIMATE_S else ""
-        return f"{self._filter} {place} ±{sigma_m:.1f} m  {heading}  {estimate.sog_kn:.1f} kn{stale}"
+        return f"{self._filter} {place} ±{sigma_m:.1f} m  {heading}  {estimate.sog_kn:.1f} kn{stale}{waiting}"
 
     def _fix_text(self) -> str:
         fix = self._fix
@@ -75,6 +91,14 @@ class StatusLine:
         table = next((item for item in self._config.sensor if item.id == sensor), None)
         stale = table is not None and age_s > stale_after_s(table.role, table.rate_hz)
         return f"STALE ({age_s:.0f} s)" if stale else f"({age_s:.1f} s)"
+
+
+def _if_any(item: _Item | None) -> tuple[_Item, ...]:
+    return () if item is None else (item,)
+
+
+def _time(item: Fix | Heading) -> int:
+    return item.t_ns
 
 
 def position_text(lat_deg: float, lon_deg: float) -> str:

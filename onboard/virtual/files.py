@@ -1,5 +1,6 @@
 """What a voyage leaves beside its ports: the daemon's configuration and the truth."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ def boat_config(voyage: Voyage, ports: dict[str, str], bind: str) -> BoatConfig:
     facts, rates = voyage.facts, voyage.rates
     latency = {plan.name: float(plan.latency_ms) for plan in PORTS}
     return BoatConfig(
-        boat=voyage.boat,
+        # the compass line carries true - variation, and 0 where the voyage has none
+        boat=replace(voyage.boat, variation_deg=voyage.boat.variation_deg or 0.0),
         frames=FramesTable(),
         link=LinkTable(bind=bind),
         port=tuple(PortTable(name=plan.name, path=ports[plan.name], baud=plan.baud) for plan in PORTS),

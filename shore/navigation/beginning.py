@@ -8,21 +8,22 @@ import numpy as np
 from common.units import NS_PER_S
 from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import Course, Position, TrueHeading
-from shore.navigation.models import FREE_NOISE, HEADING
+from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH
 from shore.navigation.numbers import Array, Number
 
-UNKNOWN_SPEED_M_S: Final = 1.5
-"""1-sigma of each velocity when the receiver gives none: a small craft at low speed."""
+UNKNOWN_SPEED_M_S: Final = 1.0
+"""1-sigma of each velocity when the receiver gives none: together 1.4 m/s, the hull speed of a boat of 1.2 m."""
 KNOWN_SPEED_M_S: Final = 0.5
 """1-sigma of each velocity taken from SOG and COG."""
 
 
 def first_state(
     t_ns: int, position: Position, heading: TrueHeading | Course, facts: FilterFacts
-) -> tuple[Array, Array]:
-    """State (n,) and covariance (n, n) at `t_ns`, not before either measurement; extra states begin at their priors.
+) -> tuple[Array, Array, dict[int, str]]:
+    """State (n,) and covariance (n, n) at `t_ns`, not before either measurement, and what was read from which channel.
 
-    The older of the two is carried forward: the position with its velocity, the heading as a random walk.
+    Extra states begin at their priors. The older of the two is carried forward: the position with its velocity, the
+    heading as a random walk.
     """
     age_s = (t_ns - position.t_ns) / NS_PER_S
     v_east, v_north = position.velocity_m_s or (0.0, 0.0)
@@ -38,7 +39,8 @@ def first_state(
         speed_sigma**2,
         facts.channels[channel].initial_variance + float(FREE_NOISE.yaw_rate) ** 2 * heading_age_s,
     )
-    return first_of(facts, (*place, v_east, v_north, angle), base_variances)
+    read_from = {EAST: f"{position.sensor}.east", NORTH: f"{position.sensor}.north", HEADING: channel}
+    return *first_of(facts, (*place, v_east, v_north, angle), base_variances), read_from
 
 
 def first_of(facts: FilterFacts, base: Sequence[Number], base_variances: Sequence[float]) -> tuple[Array, Array]:
@@ -58,12 +60,3 @@ def _angle(heading: TrueHeading | Course) -> tuple[str, Number]:
     if isinstance(heading, TrueHeading):
         return f"{heading.sensor}.heading", heading.heading_rad
     return f"{heading.sensor}.course", heading.course_rad
-
-
-def missing(position: Position | None, heading: TrueHeading | Course | None, has_compass: bool) -> str:
-    """What a start still waits for, in words."""
-    heading_words = "a heading" if has_compass else f"a course over ground (no compass, {_COURSE_WORDS})"
-    return " and ".join(words for found, words in ((position, "a GPS fix"), (heading, heading_words)) if found is None)
-
-
-_COURSE_WORDS: Final = "2 kn or more"

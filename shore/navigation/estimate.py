@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from common.units import M_S_PER_KN
 from shore.navigation.filters import FilterState
 from shore.navigation.models import EAST, HEADING, NORTH, V_EAST, V_NORTH
 from shore.navigation.numbers import Number
-
-ALIGNED_DEG: Final = 10.0
-"""Below this sigma the heading counts as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +52,9 @@ class Estimate:
     sigma_north_m: float
     sigma_heading_deg: float
     aligned: bool
-    """The heading's sigma is below 10 deg."""
+    """`waiting` is empty: the estimate is valid."""
+    waiting: tuple[str, ...]
+    """What is not known yet (`shore.navigation.alignment`)."""
     repairs: int
     """Times P needed jitter since the start."""
     channels: dict[str, ChannelReport]
@@ -66,7 +65,9 @@ class Estimate:
         return {name: list(value) if isinstance(value, tuple) else value for name, value in record.items()}
 
 
-def estimate_of(state: FilterState, name: str, t_ns: int, frame: Frame, plane: LocalPlane) -> Estimate | None:
+def estimate_of(
+    state: FilterState, frame: Frame, plane: LocalPlane, *, name: str, t_ns: int, waiting: tuple[str, ...]
+) -> Estimate | None:
     """The estimate of filter `name` at `t_ns`; `None` when the state is no place on earth."""
     values: list[float] = state.x.tolist()
     lat_deg, lon_deg = plane.to_lat_lon_deg(values[EAST], values[NORTH])
@@ -76,7 +77,6 @@ def estimate_of(state: FilterState, name: str, t_ns: int, frame: Frame, plane: L
     v_east, v_north = values[V_EAST], values[V_NORTH]
     speed_m_s = math.hypot(v_east, v_north)
     is_moving = speed_m_s > max(sigmas[V_EAST], sigmas[V_NORTH])
-    sigma_heading_deg = math.degrees(sigmas[HEADING])
     return Estimate(
         t_ns=t_ns,
         boot_id=frame.boot_id,
@@ -94,8 +94,9 @@ def estimate_of(state: FilterState, name: str, t_ns: int, frame: Frame, plane: L
         cog_true_deg=heading_deg(math.atan2(v_east, v_north)) if is_moving else None,
         sigma_east_m=sigmas[EAST],
         sigma_north_m=sigmas[NORTH],
-        sigma_heading_deg=sigma_heading_deg,
-        aligned=sigma_heading_deg < ALIGNED_DEG,
+        sigma_heading_deg=math.degrees(sigmas[HEADING]),
+        aligned=not waiting,
+        waiting=waiting,
         repairs=state.repairs,
         channels=_channels(state),
     )

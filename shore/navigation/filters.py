@@ -14,7 +14,8 @@ import numpy as np
 
 from common.errors import WayfixError
 from common.sensors import ROLES, BoatConfig, SensorTable
-from shore.navigation.adaptation import NOISE_RULES, Channel, ChannelNoise, NoiseRule
+from shore.navigation.adaptation import Channel, ChannelNoise, NoiseRule
+from shore.navigation.imu import driving_sensor
 from shore.navigation.kalman import (
     Predicted,
     Row,
@@ -36,8 +37,11 @@ from shore.navigation.models import (
     ProcessNoise,
     StateSpace,
     body_to_plane,
+    with_trim,
 )
 from shore.navigation.numbers import Array, Number, larger, part, wrapped
+from shore.navigation.opening import Opening, Passed
+from shore.navigation.rules import NOISE_RULES
 from shore.navigation.ukf import predict_unscented
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
@@ -62,6 +66,8 @@ class FilterState:
     """R and its window for each channel measured so far."""
     repairs: int = 0
     """Predictions before which P needed jitter to be factored."""
+    opening: Opening | None = None
+    """What happened since the start, while it may have to be filtered again."""
 
     @property
     def gaussian(self) -> Gaussian:
@@ -109,9 +115,13 @@ class Filter:
             raise RuntimeError(f"filter {self.name} has not been started")
         return self._state
 
-    def start(self, x: Array, P: Array) -> None:
-        """Begin at state `x` (..., n) with covariance `P` (..., n, n); R begins at the configured variances."""
-        self._state = FilterState(self.facts.space, x, P, {})
+    def start(self, x: Array, P: Array, read_from: Mapping[int, str] | None = None) -> None:
+        """Begin at state `x` (..., n) with covariance `P` (..., n, n); R begins at the configured variances.
+
+        `read_from`: component -> channel whose first sample it is, so that its variance in `P` is that of the channel.
+        """
+        opening = Opening(x, P, read_from or {}) if self._rule.filters_again else None
+        self._state = FilterState(self.facts.space, x, P, {}, opening=opening)
 
     def snapshot(self) -> FilterState:
         """The state, to be given back to `restore`."""
@@ -123,15 +133,54 @@ class Filter:
 
     def predict(self, dt_s: float, imu: ImuInput | None) -> Predicted:
         """Move on by `dt_s` > 0; `imu` is the mean over the step, `None` = nothing measured."""
+        predicted = self._pass(dt_s, imu)
+        self._note(Passed(dt_s, imu))
+        return predicted
+
+    def update(self, measured: Measurement) -> None:
+        """Fuse one measurement: its components are independent scalars."""
+        self._fuse(measured)
+        self._note(measured)
+
+    def _note(self, operation: Passed | Measurement) -> None:
+        """Keep what was done during the opening; filter it again when that is due."""
         state = self.estimate
-        noise = self.facts.free_noise if imu is None else self._driven(self.facts.imu_noise)
+        if state.opening is None:
+            return
+        opening = state.opening.then(operation)
+        if not isinstance(operation, Passed) and opening.is_due:
+            self._filter_again(opening)
+            following = opening.later()
+        else:
+            following = None if opening.is_over else opening
+        self._state = replace(self.estimate, opening=following)
+
+    def _filter_again(self, opening: Opening) -> None:
+        """All operations since the start, with the R learned so far; leaves the windows of a filter that knew it."""
+        state, channels = self.estimate, self.facts.channels
+        noise = {name: self._rule.held(channels[name], each) for name, each in state.noise.items()}
+        P = opening.P.copy()
+        for place, name in opening.read_from.items():
+            if name in noise:
+                P[..., place, place] += noise[name].variance - channels[name].initial_variance
+        self._state = FilterState(state.space, opening.x, P, noise, state.repairs)
+        for operation in opening.operations:
+            if isinstance(operation, Passed):
+                self._pass(*operation)
+            else:
+                self._fuse(operation)
+        noise = {name: each._replace(is_held=False) for name, each in self.estimate.noise.items()}
+        self._state = replace(self.estimate, noise=noise)
+
+    def _pass(self, dt_s: float, imu: ImuInput | None) -> Predicted:
+        state = self.estimate
+        noise = self.facts.free_noise if imu is None else with_trim(state.gaussian, self._driven(self.facts.imu_noise))
         predicted = self._predict(state.gaussian, dt_s, imu, noise)
         repairs = state.repairs + predicted.repairs
         self._state = replace(state, x=predicted.x, P=predicted.P, repairs=repairs)
         return predicted
 
-    def update(self, measured: Measurement) -> None:
-        """Fuse one measurement: its components are independent scalars."""
+    def _fuse(self, measured: Measurement) -> None:
         if isinstance(measured, Position):
             self._update_position(measured)
             return
@@ -168,7 +217,8 @@ class Filter:
         if self._rule.reviews:
             residual = innovation * (noise.variance / theoretical)
             noise = self._rule.review(channel, noise, residual, prior * noise.variance / theoretical)
-        self._state = replace(state, x=x, P=P, noise={**state.noise, name: noise})
+        channels = {**state.noise, name: noise}
+        self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening)
 
     def _driven(self, noise: ProcessNoise) -> ProcessNoise:
         """The densities of the inputs, raised by what the channels that see them ask for."""
@@ -194,6 +244,10 @@ REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
     "ukf": (predict_unscented, "fixed"),
     "fuzzy-thesis": (predict_unscented, "fuzzy-thesis"),
     "fuzzy": (predict_unscented, "fuzzy"),
+    "fuzzy-qr": (predict_unscented, "fuzzy-qr"),
+    "iae": (predict_unscented, "iae"),
+    "rae": (predict_unscented, "rae"),
+    "imm": (predict_unscented, "imm"),
 }
 """Name -> prediction, rule for R."""
 
@@ -210,7 +264,7 @@ def build_filter(name: str, facts: FilterFacts) -> Filter:
 
 
 def facts_of(config: BoatConfig) -> FilterFacts:
-    """What the boat's configuration says: R0 from the sigmas; states and process noise from the first IMU."""
+    """What the boat's configuration says: R0 from the sigmas; states and process noise from what drives it."""
     channels: dict[str, Channel] = {}
     levers = {}
     for sensor in config.with_role("gps"):
@@ -221,8 +275,8 @@ def facts_of(config: BoatConfig) -> FilterFacts:
             levers[sensor.id] = (sensor.lever_fwd_m, sensor.lever_stb_m)
     for sensor in config.with_role("compass"):
         channels[f"{sensor.id}.heading"] = Channel(math.radians(sensor.sigma_deg) ** 2, _rate_hz(sensor))
-    for imu in config.with_role("imu")[:1]:
-        return FilterFacts(channels, _space(imu), _imu_noise(imu), levers=levers)
+    if driver := driving_sensor(config):
+        return FilterFacts(channels, _space(driver), _imu_noise(driver), levers=levers)
     return FilterFacts(channels, levers=levers)
 
 

@@ -1,4 +1,4 @@
-"""The IMU as a function of time: which input drives each stretch of the track.
+"""The IMU (without one, a rate gyro) as a function of time: which input drives each stretch of the track.
 
 A sample covers the interval that ends at its time, up to `LATE_IMU_S`. In a longer gap, and after the newest sample,
 the last one is held for `hold_ns`, then nothing is known (`None`). Where frames are missing, the difference of
@@ -8,13 +8,13 @@ the running sums is one coarse sample over the gap. All of it depends on the set
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
-from common.messages import ImuBlock
-from common.sensors import LATE_IMU_S, ROLES, SensorTable
-from common.units import NS_PER_S
+from common.messages import Frame, ImuBlock
+from common.sensors import LATE_IMU_S, ROLES, BoatConfig, SensorTable
+from common.units import NS_PER_S, NS_PER_US
 from shore.navigation.models import ImuInput
 
 HOLD_S: Final = 0.25
@@ -58,17 +58,12 @@ class ImuTrack:
 
     def __init__(self, sensor: SensorTable) -> None:
         self._sensor = sensor
-        rate_hz = sensor.rate_hz or ROLES["imu"].nominal_rate_hz
+        rate_hz = sensor.rate_hz or ROLES[sensor.role].nominal_rate_hz
         self._period_ns = int(NS_PER_S / rate_hz)
         self._hold_ns = int(max(HOLD_S, HOLD_PERIODS / rate_hz) * NS_PER_S)
         self._blocks: list[_Block] = []
         self._stretches: list[Stretch] = []
         self._ends_ns: list[int] = []
-
-    @property
-    def sensor_id(self) -> str:
-        """The IMU this track is of."""
-        return self._sensor.id
 
     def insert(self, block: ImuBlock, boot_id: str) -> tuple[int, int] | None:
         """Take in a block in any order. Returns the time from which the track has changed and the block's last sample.
@@ -192,6 +187,33 @@ class ImuTrack:
         if not all(map(math.isfinite, means)):
             return None
         return Stretch(before.times_ns[-1], end_ns, self._input(*means))
+
+
+def driving_sensor(config: BoatConfig) -> SensorTable | None:
+    """What drives the filters: the first IMU if any of its axes is used; without one, the first rate gyro."""
+    imus = (sensor for sensor in config.with_role("imu") if sensor.use)
+    gyros = (replace(sensor, use=("yaw_rate",)) for sensor in config.with_role("gyro"))
+    return next(iter((*imus, *gyros)), None)
+
+
+def blocks_of(frame: Frame, sensor: SensorTable) -> tuple[ImuBlock, ...]:
+    """The frame's samples of the driving sensor; the rates of a gyro as a block without accelerations."""
+    if sensor.role == "imu":
+        return tuple(block for block in frame.imu if block.sensor == sensor.id)
+    rates = sorted((rate.t_ns, rate.rate_deg_s) for rate in frame.turn_rates if rate.sensor == sensor.id)
+    if not rates:
+        return ()
+    first_ns, none = rates[0][0], (0.0,) * len(rates)
+    return (
+        ImuBlock(
+            sensor=sensor.id,
+            t_ns=first_ns,
+            offset_us=tuple((t_ns - first_ns) // NS_PER_US for t_ns, _ in rates),
+            accel_fwd_m_s2=none,
+            accel_stb_m_s2=none,
+            yaw_rate_deg_s=tuple(rate for _, rate in rates),
+        ),
+    )
 
 
 def grouped(block: ImuBlock) -> tuple[list[int], list[tuple[float, ...]], list[int]]:

@@ -7,10 +7,11 @@ from typing import Final, NamedTuple
 from common.angles import heading_rad
 from common.events import event
 from common.geodesy import LocalPlane
-from common.messages import Event, Fix, Heading
+from common.messages import Event, Fix, Frame, Heading
 from common.sensors import BoatConfig
 from common.units import M_S_PER_KN
 from shore.navigation.numbers import Number
+from shore.navigation.variation import Variation
 
 FARTHEST_M: Final = 20_000.0
 """A fix beyond this distance from the origin is not used."""
@@ -61,9 +62,23 @@ class Reader:
         self._tell = tell
         self.far_in_a_row = 0
         """Usable fixes since the last one within `FARTHEST_M`."""
-        self._variation_unknown: set[str] = set()
+        self._model = Variation(tell)
+        self._newest_ns: int | None = None
+        self._is_newest = True
+        self._utc_ns: int | None = None
+        """Of the newest frame, as `_newest_ns`."""
         self.plane: LocalPlane | None = None
         """Touches the earth at the first usable fix that arrived."""
+
+    def read(self, frame: Frame) -> tuple[Measurement, ...]:
+        """The frame's fixes and headings, converted; those of no use are left out."""
+        # A backfilled frame says where the boat was, not which variation a heading of now needs.
+        self._is_newest = self._newest_ns is None or frame.t1_ns > self._newest_ns
+        if self._is_newest:
+            self._newest_ns, self._utc_ns = frame.t1_ns, frame.utc_ns
+        positions = [self.position(fix) for fix in frame.fixes]
+        headings = [self.true_heading(heading) for heading in frame.headings]
+        return tuple(measured for measured in (*positions, *headings) if measured is not None)
 
     def position(self, fix: Fix) -> Position | None:
         """The fix in metres; `None` when void, held, not configured or too far away."""
@@ -76,20 +91,26 @@ class Reader:
         east_m, north_m = self.plane.to_east_north_m(fix.lat_deg, fix.lon_deg)
         if self._too_far(fix, math.hypot(east_m, north_m)):
             return None
+        if self._is_newest:
+            self._model.see(fix.lat_deg, fix.lon_deg, self._utc_ns)
         velocity, course = _motion(fix)
         return Position(fix.t_ns, fix.sensor, east_m, north_m, velocity, course)
 
     def true_heading(self, heading: Heading) -> TrueHeading | None:
         """The true heading: as sent, or magnetic + deviation + variation, both east +.
 
-        Deviation: the boat's table, else the device's. Variation: the device's, else the boat's table, else 0.
+        Deviation: the boat's table, else the device's. Variation: the device's, else the boat's table, else the
+        magnetic model's; before the first fix that is unknown, and the reading of no use.
         """
         if not self._is(heading.sensor, "compass"):
             return None
         true_deg = heading.heading_true_deg
         if true_deg is None and heading.heading_mag_deg is not None:
-            deviation = self._sensors[heading.sensor].deviation_deg or heading.deviation_deg or 0.0
-            true_deg = heading.heading_mag_deg + deviation + self._variation(heading)
+            variation_deg = self._variation(heading)
+            if variation_deg is None:
+                return None
+            deviation_deg = self._sensors[heading.sensor].deviation_deg or heading.deviation_deg or 0.0
+            true_deg = heading.heading_mag_deg + deviation_deg + variation_deg
         if true_deg is None or not math.isfinite(true_deg):
             return None
         return TrueHeading(heading.t_ns, heading.sensor, heading_rad(true_deg))
@@ -97,15 +118,12 @@ class Reader:
     def _is(self, sensor: str, role: str) -> bool:
         return sensor in self._sensors and self._sensors[sensor].role == role
 
-    def _variation(self, heading: Heading) -> float:
+    def _variation(self, heading: Heading) -> float | None:
         if heading.variation_deg is not None:
             return heading.variation_deg
         if self._variation_deg is not None:
             return self._variation_deg
-        if heading.sensor not in self._variation_unknown:
-            self._variation_unknown.add(heading.sensor)
-            self._tell(event("variation-unknown", heading.t_ns, heading.sensor, sensor=heading.sensor))
-        return 0.0
+        return self._model.east_deg(heading.t_ns, heading.sensor)
 
     def _too_far(self, fix: Fix, distance_m: float) -> bool:
         """Told once for each excursion."""

@@ -39,6 +39,11 @@ LARGEST_TILT_ACCEL_M_S2: Final = 9.81 * math.sin(math.radians(15.0))
 """Gravity that the tilt of a hull can show: 15 deg. Without this end a wrong sign of c feeds on itself: the faster the
 boat is thought to be, the harder it is thought to accelerate."""
 
+TRIM_UNREST: Final = 0.5
+"""sqrt(s): where the bow rises with speed, the forward axis is by this times (1-sigma of c) u^2 noisier. The bow does
+not follow the speed at once: for half a second after each change of thrust the leak is wrong by about half of what is
+expected of it, and half x sqrt(2 x 0.5 s) = 0.5."""
+
 FREE_TURN_DENSITY_DEG: Final = 5.0
 """deg/s/sqrt(Hz): without a yaw rate the heading is a random walk.
 
@@ -164,7 +169,7 @@ class _Drive(NamedTuple):
 
 def _drive(space: StateSpace, x: Array, dt_s: float, imu: ImuInput) -> _Drive:
     """A = measured - bias - c u |u| (forward), w = measured - bias."""
-    gyro, fwd_bias, stb_bias, leak, current_east, current_north, _ = space.places
+    gyro, fwd_bias, stb_bias, leak = space.places[:4]
     fwd, stb, yaw_rate = imu
     if column_wise(x, yaw_rate):
         fwd, stb, yaw_rate = (column(value) for value in imu)
@@ -175,10 +180,7 @@ def _drive(space: StateSpace, x: Array, dt_s: float, imu: ImuInput) -> _Drive:
     along: Number = 0.0
     share: Number = 0.0
     if leak is not None:
-        v_east, v_north = x[..., V_EAST], x[..., V_NORTH]
-        if current_east is not None and current_north is not None:
-            v_east, v_north = v_east - x[..., current_east], v_north - x[..., current_north]
-        along = v_east * np.sin(middle) + v_north * np.cos(middle)
+        along = _along(space, x, middle)
         share = np.tanh(x[..., leak] * along * np.abs(along) / LARGEST_TILT_ACCEL_M_S2)
         fwd = fwd - share * LARGEST_TILT_ACCEL_M_S2
     if fwd_bias is not None:
@@ -186,6 +188,27 @@ def _drive(space: StateSpace, x: Array, dt_s: float, imu: ImuInput) -> _Drive:
     if stb_bias is not None:
         stb = stb - x[..., stb_bias]
     return _Drive(middle, turn, fwd, stb, along, share)
+
+
+def _along(space: StateSpace, x: Array, heading_rad: Number) -> Number:
+    """Speed through the water along the bow, m/s."""
+    v_east, v_north = x[..., V_EAST], x[..., V_NORTH]
+    current_east, current_north = space.places[4:6]
+    if current_east is not None and current_north is not None:
+        v_east, v_north = v_east - x[..., current_east], v_north - x[..., current_north]
+    return v_east * np.sin(heading_rad) + v_north * np.cos(heading_rad)
+
+
+def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
+    """The densities for a state: its tilt leak, if it has one, adds the unrest of the trim to the forward axis."""
+    space, x, _ = state
+    leak = space.places[3]
+    if leak is None:
+        return noise
+    along = _along(space, x, part(x, HEADING))
+    expected = space.extras[leak - len(BASE_NAMES)].sigma * along * along
+    trim = TRIM_UNREST * LARGEST_TILT_ACCEL_M_S2 * np.tanh(expected / LARGEST_TILT_ACCEL_M_S2)
+    return noise._replace(accel_fwd=np.hypot(noise.accel_fwd, trim))
 
 
 def column_wise(x: Array, value: Number) -> bool:

@@ -11,16 +11,32 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.angles import difference_rad, wrap_rad
+from common.angles import difference_rad, heading_rad, wrap_rad
 from common.errors import WayfixError
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
+from common.simulation.readings import FixReading, HeadingReading, ImuReading
+from common.simulation.scenarios import scenario_voyage
+from common.units import NS_PER_S
 from shore.navigation import filters, ukf
 from shore.navigation.adaptation import Channel
+from shore.navigation.beginning import first_of
 from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter, facts_of
+from shore.navigation.imu import split
 from shore.navigation.kalman import update_scalar
-from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import FIVE, FREE_NOISE, Gaussian, ImuInput, ProcessNoise, move, process_noise
-from shore.navigation.numbers import Array
+from shore.navigation.measurements import Course, Position, TrueHeading
+from shore.navigation.models import (
+    EXTRA_NAMES,
+    FIVE,
+    FREE_NOISE,
+    Extra,
+    Gaussian,
+    ImuInput,
+    ProcessNoise,
+    StateSpace,
+    move,
+    process_noise,
+)
+from shore.navigation.numbers import Array, wrapped
 from tests.navigate.voyages import Run, Truth, errors, run_filter, thesis_facts
 
 
@@ -48,7 +64,7 @@ def test_sigma_points_are_rows_along_the_columns_of_the_lower_factor() -> None:
     assert np.array_equal(points[6], -points[1])
 
 
-def filterpy_ukf(x: Array, P: Array, noise: ProcessNoise) -> Any:
+def filterpy_ukf(x: Array, P: Array) -> Any:
     """filterpy's filter with our angle arithmetic injected."""
 
     def residual(a: Array, b: Array) -> Array:
@@ -71,29 +87,72 @@ def filterpy_ukf(x: Array, P: Array, noise: ProcessNoise) -> Any:
     return theirs
 
 
+class Twins:
+    """Our UKF and filterpy's side by side; filterpy redraws its sigma points before an update, which is linear here."""
+
+    def __init__(self, facts: FilterFacts, x: Array, P: Array) -> None:
+        self.ours = build_filter("ukf", facts)
+        self.ours.start(x, P)
+        self.theirs = filterpy_ukf(x, P)
+        self._wraps = self.theirs.residual_z, self.theirs.z_mean
+        self.worst = 0.0
+
+    def predict(self, dt_s: float, imu: ImuInput) -> None:
+        middle = self.ours.estimate.x[4] + 0.5 * dt_s * imu.yaw_rate_rad_s
+        self.theirs.Q = process_noise(FIVE, middle, dt_s, self.ours.facts.imu_noise)
+        self.theirs.predict(dt=dt_s, imu=imu)
+        self.ours.predict(dt_s, imu)
+
+    def update(self, *measured: Position | TrueHeading) -> None:
+        """All at once there, one after the other here."""
+        values, places, variances = [], [], []
+        for each in measured:
+            self.ours.update(each)
+            is_fix = isinstance(each, Position)
+            values += [each.east_m, each.north_m] if isinstance(each, Position) else [wrapped(each.heading_rad)]
+            places += [0, 1] if is_fix else [4]
+            channels = ("east", "north") if is_fix else ("heading",)
+            variances += [self.ours.facts.channels[f"{each.sensor}.{name}"].initial_variance for name in channels]
+        has_angle = 4 in places
+        self.theirs.residual_z, self.theirs.z_mean = self._wraps if has_angle else (np.subtract, None)
+        self.theirs.sigmas_f = self.theirs.points_fn.sigma_points(self.theirs.x, self.theirs.P)
+        self.theirs.update(np.array(values), R=np.diag(variances), hx=lambda state: state[places])
+        apart = self.ours.estimate.x - self.theirs.x
+        apart[4] = wrapped(float(apart[4]))
+        self.worst = max(self.worst, np.abs(apart).max(), np.abs(self.ours.estimate.P - self.theirs.P).max())
+
+
 def test_ukf_agrees_with_filterpy(mission: Truth, scenario_53: Callable[[int], Run]) -> None:
-    """On a mission with turns, step by step; filterpy redraws sigma points before its update, which is linear here."""
-    run, facts = scenario_53(1), thesis_facts()
-    x, P = mission.states[0], np.diag([36.0, 49.0, 0.25, 0.25, 0.01])
-    x[4] = wrap_rad(x[4])
-    ours = build_filter("ukf", facts)
-    ours.start(x, P)
-    theirs = filterpy_ukf(x, P, facts.imu_noise)
-    worst = 0.0
-    for k in range(1, 300):
-        imu = ImuInput(*run.inputs[k])
-        middle = ours.estimate.x[4] + 0.5 * imu.yaw_rate_rad_s
-        theirs.Q = process_noise(FIVE, middle, 1.0, facts.imu_noise)
-        theirs.predict(imu=imu)
-        theirs.sigmas_f = theirs.points_fn.sigma_points(theirs.x, theirs.P)
-        theirs.update(np.array([*run.positions[k], wrap_rad(run.headings[k])]))
-        ours.predict(1.0, imu)
-        ours.update(Position(0, "gps1", *run.positions[k]))
-        ours.update(TrueHeading(0, "compass1", run.headings[k]))
-        apart = ours.estimate.x - theirs.x
-        apart[4] = difference_rad(ours.estimate.x[4], theirs.x[4])
-        worst = max(worst, np.abs(apart).max(), np.abs(ours.estimate.P - theirs.P).max())
-    assert worst < 1e-9
+    """On a mission with turns, step by step, GPS and compass in one update there."""
+    run, x = scenario_53(1), mission.states[0].copy()
+    x[4] = wrapped(float(x[4]))
+    twins = Twins(thesis_facts(), x, np.diag([36.0, 49.0, 0.25, 0.25, 0.01]))
+    for k in range(1, len(mission.states)):
+        twins.predict(1.0, ImuInput(*run.inputs[k]))
+        twins.update(Position(0, "gps1", *run.positions[k]), TrueHeading(0, "compass1", run.headings[k]))
+    assert twins.worst < 1e-9
+
+
+def test_ukf_agrees_with_filterpy_on_what_a_boat_sends() -> None:
+    """Two minutes of scenario 5.2 as they come: IMU 20 Hz, compass 10 Hz, GPS 1 Hz, each at its own time."""
+    voyage = scenario_voyage("5.2", seed=1, seconds=120.0)
+    truth = voyage.truth
+    x = np.array([truth.east_m[0], truth.north_m[0], 0.0, 0.0, wrapped(float(truth.heading_rad[0]))])
+    twins = Twins(thesis_facts(), x, np.diag([36.0, 49.0, 1.0, 1.0, 0.01]))
+    now_s = 0.0
+    for each in voyage.readings:
+        reading = each.reading
+        if isinstance(reading, FixReading):
+            place = voyage.plane.to_east_north_m(reading.lat_deg, reading.lon_deg)
+            twins.update(Position(0, "gps1", *place))
+        elif isinstance(reading, HeadingReading):
+            twins.update(TrueHeading(0, "compass1", heading_rad(reading.heading_true_deg)))
+        elif isinstance(reading, ImuReading):
+            rate = math.radians(reading.yaw_rate_deg_s)
+            twins.predict(each.t_s - now_s, ImuInput(reading.accel_fwd_m_s2, reading.accel_stb_m_s2, rate))
+            now_s = each.t_s
+    assert now_s == pytest.approx(120.0)
+    assert twins.worst < 1e-9
 
 
 def test_kf_and_ukf_are_the_same_on_the_thesis_mission(mission: Truth, scenario_53: Callable[[int], Run]) -> None:
@@ -104,39 +163,54 @@ def test_kf_and_ukf_are_the_same_on_the_thesis_mission(mission: Truth, scenario_
     assert kf_rms == pytest.approx(ukf_rms, rel=0.02)
 
 
+SIGMAS = (0.02, 0.1, 0.1, 0.2, 0.3, 0.3, 0.05)
+ALL = StateSpace(
+    tuple(
+        Extra(name, sigma, walk=0.01 * sigma * (place % 2), limit=0.4 if name == "tilt_leak_per_m" else math.inf)
+        for place, (name, sigma) in enumerate(zip(EXTRA_NAMES, SIGMAS, strict=True))
+    )
+)
+NINE = StateSpace(ALL.extras[:4])
+
 inputs = st.tuples(
-    st.sampled_from(["predict", "coast", "position", "heading"]),
+    st.sampled_from(["predict", "coast", "position", "heading", "course"]),
     st.floats(1e-3, 600.0),
     st.floats(-20.0, 20.0),
     st.floats(-3.0, 3.0),
 )
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.sampled_from(sorted(REGISTRY)), st.lists(inputs, max_size=30))
+@settings(max_examples=100, deadline=None)
+@given(st.sampled_from(sorted(REGISTRY)), st.sampled_from([FIVE, NINE, ALL]), st.lists(inputs, min_size=1, max_size=30))
 def test_covariance_stays_symmetric_and_positive_definite(
-    name: str, sequence: list[tuple[str, float, float, float]]
+    name: str, space: StateSpace, sequence: list[tuple[str, float, float, float]]
 ) -> None:
-    facts = FilterFacts(
-        {"g.east": Channel(9.0), "g.north": Channel(9.0), "c.heading": Channel(1e-4)},
-        imu_noise=ProcessNoise(0.05, 0.02, 0.002),
-    )
+    """Any order of measurements and of stretches of 1 ms to 10 min, split as the timeline splits them.
+
+    The heading stays wrapped and the tilt leak within its limit.
+    """
+    channels = {"g.east": Channel(9.0), "g.north": Channel(9.0), "g.course": Channel(0.1), "c.heading": Channel(1e-4)}
+    facts = FilterFacts(channels, space, ProcessNoise(0.05, 0.02, 0.002), levers={"g": (2.0, -1.0)})
     each = build_filter(name, facts)
-    each.start(np.zeros(5), np.diag([9.0, 9.0, 1.0, 1.0, 0.1]))
+    each.start(*first_of(facts, (0.0,) * 5, (9.0, 9.0, 1.0, 1.0, 0.1)))
     for kind, dt, metres, rad in sequence:
-        if kind == "predict":
-            each.predict(min(dt, 2.0), ImuInput(0.1 * metres, -0.1 * metres, rad))
-        elif kind == "coast":
-            each.predict(dt, None)
+        if kind in ("predict", "coast"):
+            accel = metres * min(0.1, 0.5 / dt)  # a boat does not gain more than 10 m/s
+            imu = ImuInput(accel, -accel, rad) if kind == "predict" else None
+            for step in split(0, round(dt * NS_PER_S), imu):
+                each.predict(*step)
         elif kind == "position":
             each.update(Position(0, "g", metres, 100.0 * rad))
-        else:
+        elif kind == "heading":
             each.update(TrueHeading(0, "c", rad))
-        P = each.estimate.P
+        else:
+            each.update(Course(0, "g", rad))
+        x, P = each.estimate.x, each.estimate.P
         assert np.array_equal(P, P.T)
         scale = 1.0 / np.sqrt(P.diagonal())
         assert np.linalg.eigvalsh(P * scale[:, None] * scale).min() > 0.0
-        assert -math.pi < each.estimate.x[4] <= math.pi
+        assert -math.pi < x[4] <= math.pi
+        assert space is FIVE or abs(x[8]) <= 0.4 + 1e-9  # a mean of sigma points rounds
         assert each.estimate.healthy
 
 
@@ -191,13 +265,19 @@ def test_repairs_of_an_indefinite_covariance_are_counted() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(REGISTRY))
+@pytest.mark.parametrize("space", [FIVE, NINE, ALL])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_bad_numbers_are_visible_and_raise_nothing(name: str, bad: float) -> None:
-    each = build_filter(name, FilterFacts({"g.east": Channel(9.0), "g.north": Channel(9.0)}))
-    each.start(np.zeros(5), np.eye(5))
+@pytest.mark.parametrize("where", ["accel", "turn", "fix", "heading"])
+def test_bad_numbers_are_visible_and_raise_nothing(name: str, space: StateSpace, bad: float, where: str) -> None:
+    channels = {"g.east": Channel(9.0), "g.north": Channel(9.0), "c.heading": Channel(1e-4)}
+    each = build_filter(name, FilterFacts(channels, space))
+    each.start(*first_of(each.facts, (0.0,) * 5, (1.0,) * 5))
+    good = {"accel": 0.0, "turn": 0.0, "fix": 1.0, "heading": 0.1}
+    told = {**good, where: bad}
     with np.errstate(all="ignore"):
-        each.predict(0.1, ImuInput(bad, 0.0, 0.0))
-        each.update(Position(0, "g", 1.0, 1.0))
+        each.predict(0.1, ImuInput(told["accel"], 0.0, told["turn"]))
+        each.update(Position(0, "g", told["fix"], 1.0))
+        each.update(TrueHeading(0, "c", told["heading"]))
         each.predict(0.1, None)
     assert not each.estimate.healthy
 

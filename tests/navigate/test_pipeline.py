@@ -34,7 +34,7 @@ def test_one_estimate_for_each_filter_and_frame_close_to_the_truth(short_voyage:
     truth = sail(62, 0.05)
     assert [estimate.filter for estimate in estimates[:4]] == list(FILTERS)
     assert len(estimates) == 4 * len(short_voyage)
-    assert [told.code for told in events] == ["filter-started"]
+    assert [told.code for told in events] == ["filter-started", "filter-aligned"]
     for estimate in estimates[-4:]:
         k = estimate.seq * 2 + 2
         east, north = HOME.to_east_north_m(estimate.lat_deg, estimate.lon_deg)
@@ -142,11 +142,23 @@ def test_backfill_later_than_five_seconds_is_told_in_sums(short_voyage: list[Fra
     assert sum(int(told.evidence["count"] or 0) for told in late) == 100 + 100 + 10
 
 
+def test_stamps_ahead_of_their_frame_are_told_in_sums(short_voyage: list[Frame]) -> None:
+    frames = [
+        replace(f, headings=tuple(replace(h, t_ns=h.t_ns + 2 * 10**9) for h in f.headings) if f.seq % 2 else f.headings)
+        for f in short_voyage[:250]
+    ]
+    for step_s in (None, 1.0):
+        _, events = play(Pipeline(BOAT, ("kf",), step_s), frames)
+        ahead = [told for told in events if told.code == "ahead-dropped"]
+        assert [told.evidence["count"] for told in ahead] == [1, 50, 50]
+        assert {told.source for told in ahead} == {"compass1"}
+
+
 def test_waiting_is_told_once_and_the_start_after_it(short_voyage: list[Frame]) -> None:
     frames = [replace(frame, fixes=()) for frame in short_voyage[:80]] + short_voyage[80:120]
     estimates, events = play(Pipeline(BOAT, ("fuzzy",)), frames)
-    assert [told.code for told in events] == ["filter-waiting", "filter-started"]
-    assert events[0].evidence["missing"] == "a GPS fix"
+    assert [told.code for told in events] == ["filter-waiting", "filter-started", "filter-aligned"]
+    assert events[0].evidence["missing"] == "position"
     assert estimates[0].seq == 80
 
 
@@ -185,7 +197,7 @@ def test_a_restart_of_the_daemon_carries_on_and_a_reboot_starts_again(short_voya
     assert [told.code for told in events] == ["daemon-restarted"]
     reboot = [replace(f, boot_id="b3", clock_id="c2", start_no=3, seq=f.seq - 50) for f in short_voyage[50:70]]
     estimates, events = play(pipeline, reboot)
-    assert [told.code for told in events] == ["board-rebooted", "filter-started"]
+    assert [told.code for told in events] == ["board-rebooted", "filter-started", "filter-aligned"]
     assert estimates[0].seq == 0
     assert play(pipeline, [short_voyage[45]]) == ([], [])
 
@@ -227,12 +239,6 @@ def test_the_boats_own_deviation_goes_before_the_devices() -> None:
     true = reader.true_heading(heading)
     assert true is not None
     assert math.degrees(true.heading_rad) == pytest.approx(-3.0)
-
-
-def test_unknown_variation_is_told_once_for_each_compass(short_voyage: list[Frame]) -> None:
-    config = replace(BOAT, boat=BoatTable(id="b"))
-    _, events = play(Pipeline(config, ("ukf",)), short_voyage[:20])
-    assert [told.code for told in events].count("variation-unknown") == 1
 
 
 def test_sensors_that_are_not_configured_are_not_fused() -> None:

@@ -16,7 +16,7 @@ from shore.navigation.measurements import Measurement, Position, TrueHeading
 from shore.navigation.models import ImuInput
 from shore.navigation.synchronous import Synchronous
 from shore.navigation.timeline import Timeline
-from tests.navigate.voyages import BOAT, HOME, state_of
+from tests.navigate.voyages import BOAT, HOME, UNCALIBRATED, state_of
 
 BankOf = Callable[..., Bank]
 
@@ -151,14 +151,22 @@ def apart(a: Moment, b: Moment) -> float:
     return worst
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("longest_delay_s", [0.3, 2.0, 4.5])
+@pytest.mark.parametrize(
+    ("config", "size", "longest_delay_s", "seed"),
+    [
+        (BOAT, 5, 2.0, 0),
+        (UNCALIBRATED, 9, 0.3, 1),
+        (UNCALIBRATED, 9, 2.0, 2),
+        (UNCALIBRATED, 9, 2.0, 3),
+        (UNCALIBRATED, 9, 4.5, 4),
+    ],
+)
 def test_order_of_arrival_does_not_matter(
-    short_voyage: list[Frame], bank_of: BankOf, seed: int, longest_delay_s: float
+    short_voyage: list[Frame], bank_of: BankOf, config: BoatConfig, size: int, longest_delay_s: float, seed: int
 ) -> None:
     """Fixes, headings and IMU blocks, each delayed on its own; the frames stay where they are."""
-    batches = [batch_of(frame) for frame in short_voyage[:300]]
-    straight = Timeline(bank_of("ukf", "fuzzy"), ImuTrack(IMU))
+    batches = [batch_of(frame) for frame in short_voyage[:200]]
+    straight = Timeline(bank_of("ukf", "fuzzy", config=config), ImuTrack(IMU))
     for batch in batches:
         straight.push(batch)
 
@@ -172,12 +180,13 @@ def test_order_of_arrival_does_not_matter(
         for each in batch.blocks:
             to = index + int(rng.integers(0, round(10 * longest_delay_s) + 1))
             delayed[to] = delayed[to]._replace(blocks=(*delayed[to].blocks, each))
-    shuffled = Timeline(bank_of("ukf", "fuzzy"), ImuTrack(IMU))
+    shuffled = Timeline(bank_of("ukf", "fuzzy", config=config), ImuTrack(IMU))
     for batch in delayed:
         shuffled.push(batch)
 
     assert not shuffled.late
     end_ns = batches[-1].t1_ns
+    assert len(state_of(straight.at(end_ns)).x) == size
     assert apart(straight.at(end_ns), shuffled.at(end_ns)) < 1e-9
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -129,6 +129,14 @@ BOAT = BoatConfig(
         ),
     ),
 )  # fmt: skip
+UNCALIBRATED = replace(
+    BOAT,
+    sensor=tuple(
+        replace(s, bias_accel_sigma_m_s2=0.3, bias_yaw_rate_sigma_deg_s=1.0, tilt_leak_sigma_per_m=0.2)
+        for s in BOAT.sensor
+    ),
+)
+"""A consumer IMU mounted by eye."""
 HOME = LocalPlane(50.4, -4.2)
 FRAME_NS = 100_000_000
 

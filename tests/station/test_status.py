@@ -1,12 +1,16 @@
+from dataclasses import replace
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
+from shore.pipeline import Output, Pipeline
 from shore.status import StatusLine, position_text
+from tests.navigate.voyages import UNCALIBRATED, frames_of, sail
 
 CONFIG = BoatConfig(
     boat=BoatTable(id="b"),
@@ -22,20 +26,56 @@ def frame(t1_s: float, **lists: Any) -> Frame:
     )
 
 
+@pytest.fixture(scope="module")
+def short_voyage() -> list[Frame]:
+    return frames_of(sail(42, 0.05), 1)
+
+
 def test_every_number_has_its_age_and_a_stale_one_says_so() -> None:
     line = StatusLine(CONFIG, "fuzzy")
     assert line.text(0, 0) == "fuzzy waits | no fix yet | no heading yet | 0 frames, 0 missing"
     fix = Fix(sensor="gps1", t_ns=NS_PER_S, lat_deg=1.0, lon_deg=2.0, fix_quality=1)
     reading = Heading(sensor="compass1", t_ns=NS_PER_S, heading_mag_deg=7.0)
-    line.take(frame(1.5, fixes=(fix,), headings=(reading,)), ())
+    line.take(frame(1.5, fixes=(fix,), headings=(reading,)), Output())
     assert "gps1 GPS (0.5 s) | compass1 007.0°M (0.5 s)" in line.text(1, 0)
-    line.take(frame(7.0), ())
+    line.take(frame(7.0), Output())
     assert "gps1 GPS STALE (6 s) | compass1 007.0°M STALE (6 s)" in line.text(2, 0)
+
+
+def test_what_the_filter_waits_for_is_said_until_nothing_is_missing(short_voyage: list[Frame]) -> None:
+    """The compass is silent for the first two seconds; then the biases are not known yet."""
+    pipeline, line, said = Pipeline(UNCALIBRATED, ("ukf",)), StatusLine(UNCALIBRATED, "ukf"), []
+    for each in short_voyage[:400]:
+        quiet = replace(each, headings=each.headings if each.seq >= 20 else ())
+        line.take(quiet, pipeline.push(quiet))
+        text = line.text(each.seq + 1, 0).split(" | ")[0]
+        if "waiting for: " in text:
+            said.append(text[text.index("waiting for: ") :])
+        else:
+            said.append("valid" if "kn" in text else "nothing")
+    assert list(dict.fromkeys(said)) == ["waiting for: heading", "waiting for: IMU biases", "valid"]
+    assert said == sorted(said, key=["waiting for: heading", "waiting for: IMU biases", "valid"].index)
+
+
+def test_backfill_changes_nothing_and_a_reboot_begins_anew() -> None:
+    line = StatusLine(CONFIG, "fuzzy")
+    fixes = {
+        t_s: Fix(sensor="gps1", t_ns=t_s * NS_PER_S, lat_deg=1.0, lon_deg=2.0, fix_quality=1 + (t_s == 1))
+        for t_s in (1, 50)
+    }
+    line.take(frame(50.5, fixes=(fixes[50],)), Output())
+    newest = line.text(0, 0)
+    line.take(frame(1.5, fixes=(fixes[1],)), Output())
+    assert line.text(0, 0) == newest
+    line.take(replace(frame(1.5, fixes=(fixes[1],)), clock_id="before", start_no=-1), Output())
+    assert line.text(0, 0) == newest
+    line.take(replace(frame(1.5, fixes=(fixes[1],)), clock_id="after", start_no=1), Output())
+    assert "gps1 DGPS (0.5 s)" in line.text(0, 0)
 
 
 def test_a_fix_that_is_not_fused_says_so() -> None:
     line = StatusLine(CONFIG, "fuzzy")
-    line.take(frame(1.0, fixes=(Fix(sensor="gps1", t_ns=NS_PER_S, fix_quality=0),)), ())
+    line.take(frame(1.0, fixes=(Fix(sensor="gps1", t_ns=NS_PER_S, fix_quality=0),)), Output())
     assert "gps1 not usable" in line.text(1, 0)
 
 

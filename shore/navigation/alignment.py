@@ -1,0 +1,57 @@
+"""The stages of a start: position, heading, and what the IMU is wrong by. Until all are known no estimate is valid."""
+
+import math
+from typing import Final
+
+from shore.navigation.filters import FilterState
+from shore.navigation.measurements import Course, Position, TrueHeading
+from shore.navigation.models import HEADING, V_EAST, V_NORTH
+
+HEADING_KNOWN_DEG: Final = 10.0
+"""Below this 1-sigma the heading counts as known; beyond it, it is lost again."""
+TURN_KNOWN_DEG_S: Final = 0.3
+"""1-sigma of the gyro's bias from which on it counts as settled: 3 deg in ten seconds without compass."""
+ACCEL_KNOWN_M_S2: Final = 0.1
+"""The same for the accelerometers: 5 m in ten seconds without GPS."""
+
+Waiting = tuple[str, ...]
+"""What is not known yet, in words for people; empty = valid."""
+
+
+def before_start(position: Position | None, heading: TrueHeading | Course | None, has_compass: bool) -> Waiting:
+    """What a filter lacks to be started."""
+    # A boat without compass takes its first heading from the course over ground.
+    heading_words = "heading" if has_compass else "heading (2 kn or more: no compass)"
+    return tuple(words for found, words in ((position, "position"), (heading, heading_words)) if found is None)
+
+
+class Alignment:
+    """Follows one filter. Biases are awaited once: later their doubt rises and falls with the boat's motion."""
+
+    def __init__(self) -> None:
+        self._is_settled = False
+
+    def waiting(self, state: FilterState) -> Waiting:
+        """What the estimate of a started filter still lacks."""
+        self._is_settled = self._is_settled or _biases_are_settled(state)
+        is_known = math.sqrt(state.P[HEADING, HEADING]) < math.radians(HEADING_KNOWN_DEG)
+        stages = (is_known, "heading"), (self._is_settled, "IMU biases")
+        return tuple(words for is_passed, words in stages if not is_passed)
+
+    def begin_again(self) -> None:
+        """The filter was reset."""
+        self._is_settled = False
+
+
+def _biases_are_settled(state: FilterState) -> bool:
+    """The doubt of what the biases add up to at this speed: at a steady one bias and tilt leak cannot be told apart."""
+    space, x, P = state.space, state.x, state.P
+    gyro, fwd, stb, leak = space.places[:4]
+    along_m_s = float(x[V_EAST] * math.sin(x[HEADING]) + x[V_NORTH] * math.cos(x[HEADING]))
+    forward = {place: weight for place, weight in ((fwd, 1.0), (leak, along_m_s * abs(along_m_s))) if place is not None}
+    fwd_variance = sum(a * b * float(P[i, j]) for i, a in forward.items() for j, b in forward.items())
+    return (
+        fwd_variance < ACCEL_KNOWN_M_S2**2
+        and (stb is None or float(P[stb, stb]) < ACCEL_KNOWN_M_S2**2)
+        and (gyro is None or float(P[gyro, gyro]) < math.radians(TURN_KNOWN_DEG_S) ** 2)
+    )
