@@ -1,0 +1,154 @@
+"""Scenarios x methods x runs, spread over processes.
+
+The work is cut into the same chunks whatever the number of workers, and put together in the order of the runs: the
+figures (all but times) do not depend on how many workers there are.
+"""
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+from common.errors import WayfixError
+from common.simulation.runs import Runs, draw_runs
+from common.simulation.scenario import Scenario
+from shore.lab.batch import Outcome, Profile, Setting, members, merged, raw_outcome, run_method
+from shore.navigation.numbers import Array
+
+CHUNK: Final = 250
+"""Runs in one array: larger ones leave the cache, smaller ones wait for Python."""
+RAW: Final = "raw"
+"""The sensors themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A chunk of runs of one scenario with one method."""
+
+    scenario: Scenario
+    method: str
+    profile: Profile
+    seed: int
+    first: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """All runs of one scenario under one profile."""
+
+    setting: Setting
+    """With the first run only."""
+    runs: int
+    seed: int
+    asked: tuple[str, ...]
+    """Methods that were asked for; the reference of the ratios is run in any case."""
+    outcomes: dict[str, Outcome]
+    """Method, or `raw` -> what it did."""
+    bound: Array
+    """(k, 3)."""
+
+    @property
+    def name(self) -> str:
+        """Of the scenario."""
+        return self.setting.scenario.name
+
+    @property
+    def reference(self) -> Outcome:
+        """What ratios are taken with."""
+        return self.outcomes[self.setting.reference]
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What to run."""
+
+    scenarios: tuple[Scenario, ...]
+    filters: tuple[str, ...]
+    runs: int
+    seed: int
+    profile: Profile
+
+    def tasks(self) -> list[Task]:
+        """In the order of scenarios, methods, runs."""
+        return [
+            Task(scenario, method, self.profile, self.seed, first, min(CHUNK, self.runs - first))
+            for scenario in self.scenarios
+            for method in self._methods(scenario)
+            for first in range(0, self.runs, CHUNK)
+        ]
+
+    def results(self, outcomes: dict[Task, Outcome]) -> list[Result]:
+        """The chunks put together, one result for each scenario."""
+        tasks = self.tasks()
+        results = []
+        for scenario in self.scenarios:
+            setting = _first_run(scenario, self.seed, self.profile)
+            own = [task for task in tasks if task.scenario == scenario]
+            by_method = {
+                method: merged([outcomes[task] for task in own if task.method == method])
+                for method in self._methods(scenario)
+            }
+            results.append(Result(setting, self.runs, self.seed, self.filters, by_method, setting.bound))
+        return results
+
+    def _methods(self, scenario: Scenario) -> tuple[str, ...]:
+        reference = _first_run(scenario, self.seed, self.profile).reference
+        return tuple(dict.fromkeys((RAW, *self.filters, reference)))
+
+
+def _first_run(scenario: Scenario, seed: int, profile: Profile) -> Setting:
+    return Setting(scenario, _draw(scenario, 1, seed), profile)
+
+
+@lru_cache(maxsize=32)
+def _draw(scenario: Scenario, count: int, seed: int) -> Runs:
+    return draw_runs(scenario, count, seed)
+
+
+def work(task: Task) -> Outcome:
+    """Do one task; runs in a worker."""
+    runs = members(draw_runs(task.scenario, task.first + task.count, task.seed), task.first, task.count)
+    setting = Setting(task.scenario, runs, task.profile)
+    if task.method == RAW:
+        return raw_outcome(setting, first=task.first == 0)
+    return run_method(task.method, setting, first=task.first == 0)
+
+
+def run_tasks(tasks: Sequence[Task], workers: int, done: Callable[[], None]) -> dict[Task, Outcome]:
+    """Outcomes of all tasks; `done` is called after each. One worker is this process itself."""
+    if workers == 1:
+        return dict(_one_by_one(tasks, done))
+    executor = ProcessPoolExecutor(min(workers, len(tasks)), multiprocessing.get_context("spawn"))
+    try:
+        futures = _submit(executor, tasks)
+        for _ in as_completed(futures):
+            done()
+        return {task: future.result() for future, task in futures.items()}
+    except BrokenExecutor as error:
+        raise WayfixError("a worker died", cure="it may lack memory: use --workers 1") from error
+    except BaseException:
+        executor.shutdown(wait=False, cancel_futures=True)
+        for child in multiprocessing.active_children():
+            child.terminate()
+        raise
+    finally:
+        executor.shutdown()
+
+
+def _one_by_one(tasks: Iterable[Task], done: Callable[[], None]) -> Iterable[tuple[Task, Outcome]]:
+    for task in tasks:
+        yield task, work(task)
+        done()
+
+
+def _submit(executor: ProcessPoolExecutor, tasks: Iterable[Task]) -> dict[Future[Outcome], Task]:
+    """Start the workers deaf to Ctrl-C: it is this process that ends them, without a word from any of them."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return {executor.submit(work, task): task for task in tasks}
+    finally:
+        signal.signal(signal.SIGINT, before)

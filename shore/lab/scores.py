@@ -1,0 +1,125 @@
+"""From outcomes to figures: what a table, the JSON line and the page of the thesis say of a result."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from shore.lab.batch import Outcome
+from shore.lab.campaign import RAW, Result
+from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
+from shore.lab.statistics import COMPONENTS, Estimated, mean_of, oddness, ratio_of
+from shore.navigation.numbers import Array
+
+WHOLE: Final = "whole"
+ODD: Final = 2.0
+"""|z| below which a published value is within the spread of one run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One method on one scenario; tuples are east, north, heading in the units of `COMPONENTS`."""
+
+    mse: tuple[Estimated, ...]
+    sd: tuple[float, ...]
+    """Of one run."""
+    ratio: tuple[Estimated, ...]
+    """Mean MSE / mean MSE of the reference, same runs."""
+    to_bound: tuple[float, ...]
+    anees: float
+    """5 expected."""
+    anis: float
+    """3 expected; NaN without innovations."""
+    us_per_step: float
+    """Of all runs at once, for each run and step."""
+    live_us: float
+    """Of one boat, for each step."""
+
+
+def score(result: Result, method: str, span: str = WHOLE) -> Score:
+    """The figures of a method over a stretch of the run; consistency and times are of the whole run."""
+    outcome = result.outcomes[method]
+    samples = outcome.mse[span]
+    bound = bound_of(result, span)
+    estimates = tuple(mean_of(samples[:, each]) for each in range(3))
+    return Score(
+        mse=estimates,
+        sd=tuple(samples.std(axis=0, ddof=1).tolist()),
+        ratio=tuple(ratio_of(samples[:, each], result.reference.mse[span][:, each]) for each in range(3)),
+        to_bound=tuple(estimate.value / least for estimate, least in zip(estimates, bound, strict=True)),
+        anees=float(outcome.nees.mean()),
+        anis=float(outcome.nis.mean()),
+        us_per_step=outcome.seconds * 1e6 / (result.runs * (len(result.bound) - 1)),
+        live_us=outcome.live_us,
+    )
+
+
+def bound_of(result: Result, span: str = WHOLE) -> tuple[float, ...]:
+    """The bound, averaged over the steps as the squared errors are."""
+    return tuple(result.bound[result.setting.spans[span]].mean(axis=0).tolist())
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What the thesis prints for a method, and how odd that is among our runs."""
+
+    method: str
+    published: tuple[float, ...]
+    z: tuple[float, ...]
+
+
+def comparisons(result: Result) -> list[Comparison]:
+    """For each printed row whose method was run."""
+    printed = PUBLISHED.get(result.name)
+    found = []
+    for method, row in printed.rows.items() if printed else ():
+        if method not in result.outcomes:
+            continue
+        span = "after" if method == RAW and result.name in RAW_AFTER_CHANGE else WHOLE
+        samples = result.outcomes[method].mse[span]
+        found.append(Comparison(method, row, tuple(oddness(row[each], samples[:, each]) for each in range(3))))
+    return found
+
+
+def as_json(result: Result) -> dict[str, Any]:
+    """The object of `lab run --json`; a number that does not exist is null, `ci95` is [low, high]."""
+    printed = PUBLISHED.get(result.name)
+    return {
+        "scenario": result.name,
+        "runs": result.runs,
+        "seed": result.seed,
+        "profile": result.setting.profile,
+        "results": {method: _method_json(score(result, method)) for method in result.asked},
+        "bound": _named(bound_of(result)),
+        "published": {method: _named(row) for method, row in printed.rows.items()} if printed else {},
+    }
+
+
+def _method_json(scored: Score) -> dict[str, Any]:
+    return {
+        "mse": _named(tuple(each.value for each in scored.mse)),
+        "ci95": {
+            name: [number(each.interval.low), number(each.interval.high)]
+            for name, each in zip(COMPONENTS, scored.mse, strict=True)
+        },
+        "ratio_to_oracle": _named(tuple(each.value for each in scored.ratio)),
+        "anees": number(scored.anees),
+        "anis": number(scored.anis),
+        "us_per_step": number(scored.us_per_step),
+    }
+
+
+def _named(values: tuple[float, ...]) -> dict[str, float | None]:
+    return {name: number(value) for name, value in zip(COMPONENTS, values, strict=True)}
+
+
+def number(value: float) -> float | None:
+    """Six significant digits; `None` for what is not finite."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None
+
+
+def claimed_sigma(outcome: Outcome, runs: int) -> Array:
+    """RMS over steps and runs of the 1-sigma that a method claims, (3,): m, m, deg."""
+    root: Array = np.sqrt(outcome.claimed[1:].mean(axis=0) / runs)
+    return root

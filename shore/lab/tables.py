@@ -1,0 +1,133 @@
+"""The tables of `lab list` and `lab run` for people."""
+
+import math
+from collections.abc import Iterable
+
+from rich.console import Console, RenderableType
+from rich.table import Table
+
+from common.simulation.scenarios import SCENARIOS
+from shore.lab.campaign import RAW, Result
+from shore.lab.methods import METHODS
+from shore.lab.published import PUBLISHED
+from shore.lab.scores import WHOLE, bound_of, comparisons, score
+from shore.lab.statistics import Estimated
+
+LEAST_WIDTH = 170
+"""Characters, where the output is no terminal."""
+
+
+def console() -> Console:
+    """Stdout; wide enough for the tables when it goes to a file or a pipe."""
+    plain = Console(highlight=False)
+    return plain if plain.is_terminal else Console(highlight=False, width=LEAST_WIDTH)
+
+
+def lists() -> Iterable[RenderableType]:
+    """Scenarios by group, then methods."""
+    for group in dict.fromkeys(scenario.group for scenario in SCENARIOS.values()):
+        table = Table(title=f"Scenarios: {group}", title_justify="left", box=None, pad_edge=False)
+        for heading in ("name", "published", "what"):
+            table.add_column(heading, no_wrap=heading != "what")
+        for name, scenario in SCENARIOS.items():
+            if scenario.group == group:
+                printed = f"Table {PUBLISHED[name].table}" if name in PUBLISHED else ""
+                table.add_row(name, printed, scenario.text)
+        yield table
+    table = Table(title="Filters", title_justify="left", box=None, pad_edge=False)
+    table.add_column("name", no_wrap=True)
+    table.add_column("what")
+    for name, method in METHODS.items():
+        table.add_row(name, method.text)
+    yield table
+
+
+def tables_of(result: Result) -> Iterable[RenderableType]:
+    """Everything about one result."""
+    scenario = result.setting.scenario
+    steps = len(result.bound) - 1
+    yield (
+        f"\n[bold]{scenario.name}[/bold]: {scenario.text}\n"
+        f"{steps} steps of {result.setting.runs.step_s:g} s, {result.runs} runs, seed {result.seed}, "
+        f"profile {result.setting.profile}; MSE with 95 % interval, in brackets the sd of one run"
+    )
+    yield _main_table(result)
+    yield from _comparison_table(result)
+    yield from _span_table(result)
+
+
+def _main_table(result: Result) -> Table:
+    table = Table(box=None, pad_edge=False)
+    reference = result.setting.reference
+    for heading in ("filter", "east, m²", "north, m²", "heading, deg²", f"x {reference}", "x bound"):
+        table.add_column(heading, justify="left" if heading == "filter" else "right")
+    for heading in ("ANEES", "ANIS", "µs a run-step", "live µs"):
+        table.add_column(heading, justify="right")
+    for method in (RAW, *result.asked):
+        scored = score(result, method)
+        cells = [_mse_cell(mean, sd) for mean, sd in zip(scored.mse, scored.sd, strict=True)]
+        if method == RAW:
+            table.add_row("raw sensors", *cells)
+            continue
+        ratios = " ".join(f"{each.value:.3f}" for each in scored.ratio)
+        to_bound = " ".join(f"{each:.3f}" for each in scored.to_bound)
+        numbers = (f"{scored.anees:.2f}", plain(scored.anis, ".2f"), f"{scored.us_per_step:.1f}")
+        table.add_row(method, *cells, ratios, to_bound, *numbers, f"{scored.live_us:.0f}")
+    table.add_row("bound", *(f"{least:.3g}" for least in bound_of(result)))
+    return table
+
+
+def _comparison_table(result: Result) -> Iterable[Table]:
+    found = comparisons(result)
+    if not found:
+        return
+    printed = PUBLISHED[result.name]
+    table = Table(title=f"Table {printed.table} beside our runs", title_justify="left", box=None, pad_edge=False)
+    for heading in ("published", "east, m²", "north, m²", "heading, deg²", "z of each among single runs"):
+        table.add_column(heading, justify="left" if heading == "published" else "right", no_wrap=True)
+    for row in found:
+        name = "raw sensors" if row.method == RAW else row.method
+        table.add_row(name, *(f"{each:.4g}" for each in row.published), " ".join(f"{each:+.1f}" for each in row.z))
+    yield table
+
+
+def _span_table(result: Result) -> Iterable[Table]:
+    """Before a change, just after it, later: an overall MSE would mix them."""
+    parts = [span for span in result.setting.spans if span != WHOLE]
+    if not parts:
+        return
+    reference = result.setting.reference
+    table = Table(title="Parts of the run", title_justify="left", box=None, pad_edge=False)
+    table.add_column("filter", no_wrap=True)
+    for span in parts:
+        rows = result.setting.spans[span]
+        table.add_column(f"{span} ({rows.start}-{rows.stop - 1}): MSE; x {reference}", justify="right")
+    for method in result.asked:
+        scores = [score(result, method, span) for span in parts]
+        table.add_row(
+            method,
+            *(
+                " ".join(f"{each.value:.3g}" for each in scored.mse)
+                + ";  "
+                + " ".join(f"{each.value:.2f}" for each in scored.ratio)
+                for scored in scores
+            ),
+        )
+    yield table
+
+
+def _mse_cell(mean: Estimated, sd: float) -> str:
+    return f"{plain(mean.value, '.3g')} ±{plain(half_width(mean), '.2g')} ({plain(sd, '.2g')})"
+
+
+def half_width(estimate: Estimated) -> float:
+    """Of the interval."""
+    return 0.5 * (estimate.interval.high - estimate.interval.low)
+
+
+def plain(value: float, form: str) -> str:
+    """A number as text, without exponents below a million; "-" for one that does not exist."""
+    if not math.isfinite(value):
+        return "-"
+    text = format(value, form)
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text
