@@ -57,7 +57,7 @@ def _derivatives(heading_rad: float, inputs: Array, step_s: float, size: int) ->
     F = np.eye(size)
     for first, gain in ((EAST, 0.5 * step_s**2), (V_EAST, step_s)):
         B[first : first + 2, :2] = gain * turned
-        B[first : first + 2, 2] = gain * 9.5 * step_s * by_heading
+        B[first : first + 2, 2] = gain * 0.5 * step_s * by_heading
         F[first : first + 2, HEADING] = gain * by_heading
     B[HEADING, 2] = step_s
     F[EAST, V_EAST] = F[NORTH, V_EAST + 1] = step_s

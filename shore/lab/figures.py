@@ -41,6 +41,7 @@ LAB_STYLES: Final[dict[str, dict[str, Any]]] = {
     "static": {"color": "#1b7f4b", "linewidth": 1.5},
     "ukf-5": {"color": "#98df8a", "linewidth": 1.3},
 }
+HEIGHTS_IN: Final = {"tracks": 6.2, "headings": 5.4, "rms": 5.4, "noise": 7.0}
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis")
 """Wide lines that others may lie upon."""
 TRUTH: Final[dict[str, Any]] = {"color": "#222222", "linewidth": 2.0}
@@ -66,7 +67,7 @@ def pictures(result: Result, filters: tuple[str, ...] | None = None) -> Iterator
     if _adaptive(result, shown):
         kinds.append(("noise", _noise))
     for kind, draw in kinds:
-        figure = plt.figure(figsize=(11, 7 if kind == "noise" else 5.4), dpi=100, layout="constrained")
+        figure = plt.figure(figsize=(11, HEIGHTS_IN[kind]), dpi=100, layout="constrained")
         caption = draw(figure, result, shown)
         figure.suptitle(_one_run(result), fontsize=10, color="#555555")
         file = io.BytesIO()

@@ -9,7 +9,8 @@ from common.simulation.runs import Runs, draw_runs
 from common.simulation.scenario import with_bias
 from common.simulation.scenarios import find_scenario
 from shore.lab.batch import EIGHT, Setting
-from shore.lab.bound import posterior_bound
+from shore.lab.bound import _derivatives, posterior_bound
+from shore.navigation.models import ImuInput, move
 
 
 def runs_of(name: str) -> Runs:
@@ -55,6 +56,21 @@ def test_no_reading_no_information() -> None:
     assert np.all(np.diff(without[300:], axis=0) > 0.0)
     q = np.degrees(runs.gyro_std_rad[-1]) ** 2
     assert np.diff(without[300:, 2]) == pytest.approx(np.full(len(without) - 301, q))
+
+
+def test_its_derivatives_are_those_of_the_filters_motion() -> None:
+    """In a turn at full throttle, by differences."""
+    x, inputs, step_s = np.array([3.0, 4.0, 1.0, -2.0, 0.7, 0.0, 0.0, 0.0]), np.array([0.5, -0.3, 0.4]), 0.8
+    F, B = _derivatives(0.7, inputs, step_s, 8)
+    tiny = 1e-6
+    for place in range(8):
+        nudge = np.eye(8)[place] * tiny
+        ahead, behind = (move(EIGHT, x + sign * nudge, step_s, ImuInput(*inputs.tolist())) for sign in (1.0, -1.0))
+        assert F[:, place] == pytest.approx((ahead - behind) / (2.0 * tiny), abs=1e-8)
+    for place in range(3):
+        nudge = np.eye(3)[place] * tiny
+        ahead, behind = (move(EIGHT, x, step_s, ImuInput(*(inputs + sign * nudge).tolist())) for sign in (1.0, -1.0))
+        assert B[:, place] == pytest.approx((ahead - behind) / (2.0 * tiny), abs=1e-8)
 
 
 def test_biases_to_be_found_cost_information_that_comes_back() -> None:
