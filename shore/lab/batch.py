@@ -8,7 +8,7 @@ IMU sample that ends there, then fuses position and heading.
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -330,19 +330,6 @@ def _mean_of_given(squares: Array, missing: npt.NDArray[np.bool_]) -> Array:
     given = (~missing).sum(axis=0)
     means: Array = np.where(given > 0, sums / np.maximum(given, 1), np.nan)
     return means
-
-
-def members(runs: Runs, first: int, count: int) -> Runs:
-    """Some of the runs."""
-    rows = slice(first, first + count)
-    return replace(
-        runs,
-        imu=runs.imu[rows],
-        gps=runs.gps[rows],
-        compass_rad=runs.compass_rad[rows],
-        biases=runs.biases[rows],
-        start_noise=runs.start_noise[rows],
-    )
 
 
 def merged(parts: list[Outcome]) -> Outcome:

@@ -15,7 +15,7 @@ from typing import Final
 from common.errors import WayfixError
 from common.simulation.runs import Runs, draw_runs
 from common.simulation.scenario import Scenario
-from shore.lab.batch import Outcome, Profile, Setting, members, merged, raw_outcome, run_method
+from shore.lab.batch import Outcome, Profile, Setting, merged, raw_outcome, run_method
 from shore.navigation.numbers import Array
 
 CHUNK: Final = 250
@@ -111,7 +111,7 @@ def _draw(scenario: Scenario, count: int, seed: int) -> Runs:
 
 def work(task: Task) -> Outcome:
     """Do one task; runs in a worker."""
-    runs = members(draw_runs(task.scenario, task.first + task.count, task.seed), task.first, task.count)
+    runs = draw_runs(task.scenario, task.count, task.seed, task.first)
     setting = Setting(task.scenario, runs, task.profile)
     if task.method == RAW:
         return raw_outcome(setting, first=task.first == 0)

@@ -10,7 +10,7 @@ from common.errors import WayfixError
 from common.simulation.runs import draw_runs
 from common.simulation.scenario import with_bias
 from common.simulation.scenarios import find_scenario
-from shore.lab.batch import Profile, Setting, drive, members, run_method
+from shore.lab.batch import Profile, Setting, drive, run_method
 from shore.lab.methods import METHODS, ORACLE, IntervalKalman, check_methods
 from shore.navigation.adaptation import Channel
 from shore.navigation.filters import FilterFacts
@@ -117,7 +117,7 @@ def test_the_interval_holds_every_bias_within_its_bounds() -> None:
 
 def test_chunks_of_runs_are_those_runs() -> None:
     whole = setting("4.2", 6)
-    part = Setting(whole.scenario, members(whole.runs, 4, 2), "stated")
+    part = Setting(whole.scenario, draw_runs(whole.scenario, 2, 7, first=4), "stated")
     all_runs, two = run_method("fuzzy", whole, first=False), run_method("fuzzy", part, first=False)
     assert two.mse["whole"] == pytest.approx(all_runs.mse["whole"][4:], rel=1e-12)
     assert two.nees == pytest.approx(all_runs.nees[4:], rel=1e-9)
