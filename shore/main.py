@@ -68,6 +68,12 @@ def _parser() -> argparse.ArgumentParser:
         default="arrival",
         help="arrival: as live (default); time: by the boat's clock, late frames in their place, the best track",
     )
+    replay.add_argument(
+        "--smooth",
+        type=Path,
+        metavar="OUT.csv",
+        help="write the first filter's smoothed track: every estimate knows the whole log",
+    )
     _add_filter_arguments(replay, None)
     _add_json(replay)
     replay.set_defaults(command=_replay)
@@ -131,8 +137,9 @@ def _connect(arguments: argparse.Namespace) -> int:
 def _replay(arguments: argparse.Namespace) -> int:
     """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
     from shore.navigation.timeline import HORIZON_S
-    from shore.replay import replay
+    from shore.replay import replay, smoothed
     from shore.score import score_of, score_table
+    from shore.smooth import write_track
 
     filters = _filters(arguments.filters) if arguments.filters else None
     progress = _progress if sys.stderr and sys.stderr.isatty() else None
@@ -156,8 +163,15 @@ def _replay(arguments: argparse.Namespace) -> int:
         print(f"estimates equal to the recorded ones: {result.equal} of {result.recorded}")
     if result.damage:
         _say(f"{arguments.log}: {result.damage}; everything before the damage was replayed")
+    estimates = result.estimates
+    if arguments.smooth:
+        track = smoothed(arguments.log, result.filters[0])
+        write_track(arguments.smooth, track)
+        summary["smoothed"] = {"estimates": len(track), "file": str(arguments.smooth)}
+        print(f"{len(track)} smoothed estimates of {result.filters[0]} in {arguments.smooth}")
+        estimates = [*estimates, *(estimate.as_record() for estimate in track)]
     if arguments.reference:
-        scores = score_of(arguments.reference, result.config, result.frames, result.estimates).summary()
+        scores = score_of(arguments.reference, result.config, result.frames, estimates).summary()
         summary.update(scores)
         print(score_table(scores))
     _finish(arguments, summary)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -12,8 +13,10 @@ from common.sensors import BoatConfig
 from common.settings import convert
 from shore.logbook.read import LogReader, read_log
 from shore.logbook.schemas import FRAMES, SESSION
+from shore.navigation.estimate import Estimate
 from shore.navigation.timeline import HORIZON_NS
 from shore.pipeline import Pipeline
+from shore.smooth import smooth_log
 
 ORDERS: Final = ("arrival", "time")
 """As live, every frame when it came; or sorted by boat time, so that a late backfill is in its place."""
@@ -103,6 +106,21 @@ def replay(
     if step_s == live_step_s and order == "arrival":
         _compare(result, reader)
     return result
+
+
+def smoothed(path: Path, name: str) -> list[Estimate]:
+    """The log's track by filter `name` with every estimate knowing the whole log; frames in order of boat time.
+
+    Raises: WayfixError for a log without configuration or an unknown filter.
+    """
+    reader = read_log(path)
+    counted = Replay(logged_config(reader, path), (name,))
+    arrivals = in_order_of_time(list(_arrivals(reader, path, counted)))
+    return [
+        estimate
+        for config, group in groupby(arrivals, key=lambda arrival: arrival.config)
+        for estimate in smooth_log(config, (arrival.frame for arrival in group), name)
+    ]
 
 
 def _arrivals(reader: LogReader, path: Path, result: Replay) -> Iterator[Arrival]:

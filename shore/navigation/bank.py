@@ -11,6 +11,7 @@ from shore.navigation.beginning import first_state
 from shore.navigation.filters import Filter, FilterFacts, FilterState
 from shore.navigation.imu import Step
 from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
+from shore.navigation.models import ImuInput
 
 
 class Batch(NamedTuple):
@@ -51,9 +52,17 @@ class Bank:
         return Moment(0, (None,) * len(self.filters))
 
     def advance(
-        self, moment: Moment, t_ns: int, steps: Sequence[Step], measurements: Iterable[Measurement] = ()
+        self,
+        moment: Moment,
+        t_ns: int,
+        steps: Sequence[Step],
+        measurements: Iterable[Measurement] = (),
+        shown: ImuInput | None = None,
     ) -> Moment:
-        """Predict along `steps`, fuse what was measured at `t_ns`, start filters that can be started."""
+        """Predict along `steps`, fuse what was measured at `t_ns`, start filters that can be started.
+
+        `shown`: mean of the IMU just before `t_ns`, for the filters that start.
+        """
         fused = tuple(self._with_course(measurements))
         position, heading = moment.position, moment.heading
         for measured in fused:
@@ -63,7 +72,7 @@ class Bank:
                 heading = measured
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             states = tuple(
-                self._begin(each, t_ns, position, heading)
+                self._begin(each, t_ns, position, heading, shown)
                 if state is None
                 else self._carry(each, state, steps, fused, t_ns)
                 for each, state in zip(self.filters, moment.states, strict=True)
@@ -78,11 +87,16 @@ class Bank:
                 yield Course(measured.t_ns, measured.sensor, measured.course_rad)
 
     def _begin(
-        self, each: Filter, t_ns: int, position: Position | None, heading: TrueHeading | Course | None
+        self,
+        each: Filter,
+        t_ns: int,
+        position: Position | None,
+        heading: TrueHeading | Course | None,
+        shown: ImuInput | None,
     ) -> FilterState | None:
         if position is None or heading is None:
             return None
-        each.start(*first_state(t_ns, position, heading, self._facts))
+        each.start(*first_state(t_ns, position, heading, self._facts, shown))
         return each.snapshot()
 
     def _carry(

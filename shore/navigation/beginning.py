@@ -8,7 +8,7 @@ import numpy as np
 from common.units import NS_PER_S
 from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import Course, Position, TrueHeading
-from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH
+from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH, ImuInput
 from shore.navigation.numbers import Array, Number
 
 UNKNOWN_SPEED_M_S: Final = 1.0
@@ -18,12 +18,13 @@ KNOWN_SPEED_M_S: Final = 0.5
 
 
 def first_state(
-    t_ns: int, position: Position, heading: TrueHeading | Course, facts: FilterFacts
+    t_ns: int, position: Position, heading: TrueHeading | Course, facts: FilterFacts, shown: ImuInput | None = None
 ) -> tuple[Array, Array, dict[int, str]]:
     """State (n,) and covariance (n, n) at `t_ns`, not before either measurement, and what was read from which channel.
 
     Extra states begin at their priors. The older of the two is carried forward: the position with its velocity, the
-    heading as a random walk.
+    heading as a random walk. `shown`: mean of the IMU just before; all of its acceleration may be bias, so the doubt of
+    the biases is widened by it. A unit that is mounted 10 deg off level is then found instead of believed.
     """
     age_s = (t_ns - position.t_ns) / NS_PER_S
     v_east, v_north = position.velocity_m_s or (0.0, 0.0)
@@ -40,7 +41,12 @@ def first_state(
         facts.channels[channel].initial_variance + float(FREE_NOISE.yaw_rate) ** 2 * heading_age_s,
     )
     read_from = {EAST: f"{position.sensor}.east", NORTH: f"{position.sensor}.north", HEADING: channel}
-    return *first_of(facts, (*place, v_east, v_north, angle), base_variances), read_from
+    x, P = first_of(facts, (*place, v_east, v_north, angle), base_variances)
+    if shown is not None:
+        for bias, accel in zip(facts.space.places[1:3], shown[:2], strict=True):
+            if bias is not None:
+                P[bias, bias] += accel * accel
+    return x, P, read_from
 
 
 def first_of(facts: FilterFacts, base: Sequence[Number], base_variances: Sequence[float]) -> tuple[Array, Array]:

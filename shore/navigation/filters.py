@@ -24,7 +24,7 @@ from shore.navigation.kalman import (
     prior_variance,
     update_scalar,
 )
-from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
+from shore.navigation.measurements import Course, Known, Measurement, Position, Sailing, Stream, TrueHeading
 from shore.navigation.models import (
     EAST,
     FIVE,
@@ -37,6 +37,7 @@ from shore.navigation.models import (
     ProcessNoise,
     StateSpace,
     body_to_plane,
+    through_water,
     with_trim,
 )
 from shore.navigation.numbers import Array, Number, larger, part, wrapped
@@ -137,12 +138,12 @@ class Filter:
         self._note(Passed(dt_s, imu))
         return predicted
 
-    def update(self, measured: Measurement) -> None:
+    def update(self, measured: Measurement | Known) -> None:
         """Fuse one measurement: its components are independent scalars."""
         self._fuse(measured)
         self._note(measured)
 
-    def _note(self, operation: Passed | Measurement) -> None:
+    def _note(self, operation: Passed | Measurement | Known) -> None:
         """Keep what was done during the opening; filter it again when that is due."""
         state = self.estimate
         if state.opening is None:
@@ -180,7 +181,10 @@ class Filter:
         self._state = replace(state, x=predicted.x, P=predicted.P, repairs=repairs)
         return predicted
 
-    def _fuse(self, measured: Measurement) -> None:
+    def _fuse(self, measured: Measurement | Known) -> None:
+        if isinstance(measured, Sailing | Stream):
+            self._fuse_known(measured)
+            return
         if isinstance(measured, Position):
             self._update_position(measured)
             return
@@ -204,6 +208,35 @@ class Filter:
                 # the derivative of (east, north) by a clockwise heading is (north, -east)
                 row = (*row, (HEADING, offset[NORTH] if place == EAST else -offset[EAST]))
             self._update(f"{measured.sensor}.{component}", row, value - expected)
+
+    def _fuse_known(self, known: Known) -> None:
+        """What no sensor measured: no rule adapts its variance."""
+        if isinstance(known, Stream):
+            self._flow(known)
+            return
+        space = self.facts.space
+        _, (speed, slope) = through_water(space, self.estimate.x)
+        self._know(tuple(slope.items()), -speed, known.athwart)
+        if (way := space.index("way_m_s")) is not None:
+            (speed, slope), _ = through_water(space, self.estimate.x)
+            self._know((*slope.items(), (way, -1.0)), part(self.estimate.x, way) - speed, known.along)
+
+    def _flow(self, stream: Stream) -> None:
+        """The current changes as the field does; what it differs by fades."""
+        for name, value, change in (
+            ("current_east_m_s", stream.east_m_s, stream.change_east_m_s),
+            ("current_north_m_s", stream.north_m_s, stream.change_north_m_s),
+        ):
+            if (place := self.facts.space.index(name)) is not None:
+                x = self.estimate.x.copy()
+                x[..., place] += change
+                self._state = replace(self.estimate, x=x)
+                self._know(((place, 1.0),), value - part(x, place), stream.variance)
+
+    def _know(self, row: Row, innovation: Number, variance: float) -> None:
+        state = self.estimate
+        x, P = update_scalar(state.gaussian, row, innovation, variance)
+        self._state = replace(state, x=x, P=P)
 
     def _update(self, name: str, row: Row, innovation: Number) -> None:
         """Adapt R of the channel, then update with it (order of thesis section 5.1.2)."""

@@ -72,7 +72,9 @@ def wrap_heading(x: Array) -> Array:
 
 def times_row(matrix: Array, row: Row) -> Array:
     """Matrix times h^T: (..., n, n) -> (..., n)."""
-    product: Array = sum((column(weight) * matrix[..., place] for place, weight in row[1:]), _weighted(matrix, row[0]))
+    product = _weighted(matrix, row[0])
+    for entry in row[1:]:
+        product = product + _weighted(matrix, entry)
     return product
 
 
@@ -84,7 +86,11 @@ def _weighted(matrix: Array, entry: tuple[int, Number]) -> Array:
 
 def prior_variance(P: Array, row: Row) -> Number:
     """Variance h P h^T of the measured number before it is measured."""
-    Ph = times_row(P, row)
+    return _along_row(times_row(P, row), row)
+
+
+def _along_row(Ph: Array, row: Row) -> Number:
+    """H times P h^T."""
     total: Number = 0.0
     for place, weight in row:
         total = total + weight * part(Ph, place)
@@ -102,7 +108,7 @@ def update_scalar(
     """
     space, x, P = before
     Ph = times_row(P, row)
-    K = Ph / column(prior_variance(P, row) + R)
+    K = Ph / column(_along_row(Ph, row) + R)
     left = P - K[..., :, np.newaxis] * Ph[..., np.newaxis, :]
     gained = column(R) * K - times_row(left, row)
     updated = left + gained[..., :, np.newaxis] * K[..., np.newaxis, :]

@@ -53,6 +53,31 @@ class Course(NamedTuple):
 Measurement = Position | TrueHeading | Course
 
 
+class Sailing(NamedTuple):
+    """No sensor: a boat goes through the water where its bow points, with the way it has."""
+
+    athwart: float
+    """Variance of its speed athwart, m^2/s^2."""
+    along: float
+    """Of its speed ahead about its way."""
+
+
+class Stream(NamedTuple):
+    """No sensor: the current that a field gives at the estimated place."""
+
+    east_m_s: Number
+    north_m_s: Number
+    change_east_m_s: Number
+    """Since the last time, at the place estimated then."""
+    change_north_m_s: Number
+    variance: float
+    """Of each axis, m^2/s^2."""
+
+
+Known = Sailing | Stream
+"""What is fused though nothing measured it: no rule adapts its variance."""
+
+
 class Reader:
     """Corrects and converts measurements with the boat's sensor facts; tells each kind of trouble once."""
 

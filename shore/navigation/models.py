@@ -18,6 +18,7 @@ from shore.navigation.numbers import Array, Number, column, part
 
 BASE_NAMES: Final = ("east_m", "north_m", "v_east_m_s", "v_north_m_s", "heading_rad")
 EAST, NORTH, V_EAST, V_NORTH, HEADING = range(len(BASE_NAMES))
+_PLACE, _VELOCITY = slice(EAST, NORTH + 1), slice(V_EAST, V_NORTH + 1)
 
 EXTRA_NAMES: Final = (
     "gyro_bias_rad_s",
@@ -27,20 +28,22 @@ EXTRA_NAMES: Final = (
     "current_east_m_s",
     "current_north_m_s",
     "compass_bias_rad",
+    "way_m_s",
 )
-"""Biases are what the sensor shows too much; `tilt_leak_per_m` = c: the bow rises with speed, so the forward
-accelerometer shows A tanh(c u |u| / A) of gravity too much, u = speed through the water along the bow, A = the most
-that tilt can show; the current is where the water flows to."""
+"""Biases are what the sensor shows too much. `tilt_leak_per_m` = c: the bow rises with speed, so the forward
+accelerometer shows c L of gravity too much; L = u |u| as long as that is small, u = speed through the water along the
+bow. The current is where the water flows to; the way is the speed through the water that the thrust keeps up."""
 
 FREE_ACCEL_DENSITY: Final = math.sqrt(0.2)
 """m/s^2/sqrt(Hz): an axis without IMU moves at constant velocity disturbed by 0.2 m^2/s^3."""
 
-LARGEST_TILT_ACCEL_M_S2: Final = 9.81 * math.sin(math.radians(15.0))
-"""Gravity that the tilt of a hull can show: 15 deg. Without this end a wrong sign of c feeds on itself: the faster the
-boat is thought to be, the harder it is thought to accelerate."""
+LARGEST_LIFT_M2_S2: Final = 9.0
+"""A = (3 m/s)^2, in L = A tanh(u |u| / A): about its hull speed (3 m/s for a boat of 6 m) a boat keeps its trim.
+Without this end a wrong c feeds on itself: the faster the boat is thought to be, the harder it is thought to
+accelerate. c stays linear: were c L bounded, a filter at the bound would take c for known, and blame the bias."""
 
 TRIM_UNREST: Final = 0.5
-"""sqrt(s): where the bow rises with speed, the forward axis is by this times (1-sigma of c) u^2 noisier. The bow does
+"""sqrt(s): where the bow rises with speed, the forward axis is by this times (1-sigma of c) L noisier. The bow does
 not follow the speed at once: for half a second after each change of thrust the leak is wrong by about half of what is
 expected of it, and half x sqrt(2 x 0.5 s) = 0.5."""
 
@@ -163,12 +166,12 @@ class _Drive(NamedTuple):
     stb: Number
     along: Number
     """Speed through the water along the bow, m/s; 0 without tilt leak."""
-    leak: Number
-    """Gravity in the forward accelerometer, as a share of the most there can be."""
+    lift: Number
+    """L of the tilt leak, m^2/s^2; 0 without it."""
 
 
 def _drive(space: StateSpace, x: Array, dt_s: float, imu: ImuInput) -> _Drive:
-    """A = measured - bias - c u |u| (forward), w = measured - bias."""
+    """A = measured - bias - c L (forward), w = measured - bias."""
     gyro, fwd_bias, stb_bias, leak = space.places[:4]
     fwd, stb, yaw_rate = imu
     if column_wise(x, yaw_rate):
@@ -178,16 +181,22 @@ def _drive(space: StateSpace, x: Array, dt_s: float, imu: ImuInput) -> _Drive:
     turn = yaw_rate * dt_s
     middle = x[..., HEADING] + 0.5 * turn
     along: Number = 0.0
-    share: Number = 0.0
+    lift: Number = 0.0
     if leak is not None:
         along = _along(space, x, middle)
-        share = np.tanh(x[..., leak] * along * np.abs(along) / LARGEST_TILT_ACCEL_M_S2)
-        fwd = fwd - share * LARGEST_TILT_ACCEL_M_S2
+        lift = _lift(along)
+        fwd = fwd - x[..., leak] * lift
     if fwd_bias is not None:
         fwd = fwd - x[..., fwd_bias]
     if stb_bias is not None:
         stb = stb - x[..., stb_bias]
-    return _Drive(middle, turn, fwd, stb, along, share)
+    return _Drive(middle, turn, fwd, stb, along, lift)
+
+
+def _lift(along: Number) -> Number:
+    """L of a speed along the bow, m^2/s^2."""
+    lift: Number = LARGEST_LIFT_M2_S2 * np.tanh(along * np.abs(along) / LARGEST_LIFT_M2_S2)
+    return lift
 
 
 def _along(space: StateSpace, x: Array, heading_rad: Number) -> Number:
@@ -199,15 +208,34 @@ def _along(space: StateSpace, x: Array, heading_rad: Number) -> Number:
     return v_east * np.sin(heading_rad) + v_north * np.cos(heading_rad)
 
 
+Sloped = tuple[Number, dict[int, Number]]
+"""A number of a state, and its derivative by the states at their places."""
+
+
+def through_water(space: StateSpace, x: Array) -> tuple[Sloped, Sloped]:
+    """Speeds through the water of states (..., n), m/s: ahead and to starboard."""
+    heading = part(x, HEADING)
+    sin, cos = np.sin(heading), np.cos(heading)
+    v_east, v_north = part(x, V_EAST), part(x, V_NORTH)
+    ahead: dict[int, Number] = {V_EAST: sin, V_NORTH: cos}
+    starboard: dict[int, Number] = {V_EAST: cos, V_NORTH: -sin}
+    current_east, current_north = space.places[4:6]
+    if current_east is not None and current_north is not None:
+        v_east, v_north = v_east - part(x, current_east), v_north - part(x, current_north)
+        ahead |= {current_east: -sin, current_north: -cos}
+        starboard |= {current_east: -cos, current_north: sin}
+    along, athwart = sin * v_east + cos * v_north, cos * v_east - sin * v_north
+    return (along, ahead | {HEADING: athwart}), (athwart, starboard | {HEADING: -along})
+
+
 def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
     """The densities for a state: its tilt leak, if it has one, adds the unrest of the trim to the forward axis."""
     space, x, _ = state
     leak = space.places[3]
     if leak is None:
         return noise
-    along = _along(space, x, part(x, HEADING))
-    expected = space.extras[leak - len(BASE_NAMES)].sigma * along * along
-    trim = TRIM_UNREST * LARGEST_TILT_ACCEL_M_S2 * np.tanh(expected / LARGEST_TILT_ACCEL_M_S2)
+    expected = space.extras[leak - len(BASE_NAMES)].sigma * _lift(_along(space, x, part(x, HEADING)))
+    trim = TRIM_UNREST * expected
     return noise._replace(accel_fwd=np.hypot(noise.accel_fwd, trim))
 
 
@@ -223,17 +251,16 @@ def move(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Arra
     run where x is (runs, n) or (runs, points, n). The heading is not wrapped: the spread of sigma points must survive.
     """
     moved = x.copy()
-    moved[..., EAST] += dt_s * x[..., V_EAST]
-    moved[..., NORTH] += dt_s * x[..., V_NORTH]
+    place, velocity = moved[..., _PLACE], moved[..., _VELOCITY]
     if imu is None:
+        place += dt_s * velocity
         return moved
     drive = _drive(space, x, dt_s, imu)
-    a_east, a_north = body_to_plane(drive.fwd, drive.stb, drive.middle)
-    half = 0.5 * dt_s * dt_s
-    moved[..., EAST] += half * a_east
-    moved[..., NORTH] += half * a_north
-    moved[..., V_EAST] += dt_s * a_east
-    moved[..., V_NORTH] += dt_s * a_north
+    gained = np.empty_like(velocity)
+    gained[..., 0], gained[..., 1] = body_to_plane(drive.fwd, drive.stb, drive.middle)
+    gained *= dt_s
+    place += dt_s * (velocity + 0.5 * gained)
+    velocity += gained
     moved[..., HEADING] += drive.turn
     return moved
 
@@ -245,7 +272,7 @@ def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> 
     F[..., EAST, V_EAST] = F[..., NORTH, V_NORTH] = dt_s
     if imu is None:
         return F
-    gyro, fwd_bias, stb_bias, leak, current_east, current_north, _ = space.places
+    gyro, fwd_bias, stb_bias, leak, current_east, current_north = space.places[:6]
     drive = _drive(space, x, dt_s, imu)
     sin: Number = np.sin(drive.middle)
     cos: Number = np.cos(drive.middle)
@@ -256,8 +283,8 @@ def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> 
         speed: Number = np.abs(drive.along)
         # d fwd: by the leak itself, by the velocity along the bow, by the heading that resolves it
         v_east, v_north = x[..., V_EAST], x[..., V_NORTH]
-        slope = 1.0 - drive.leak * drive.leak
-        terms: dict[int, Any] = {leak: -slope * drive.along * speed}
+        slope = 1.0 - (drive.lift / LARGEST_LIFT_M2_S2) ** 2
+        terms: dict[int, Any] = {leak: -drive.lift}
         by_speed = -2.0 * slope * x[..., leak] * speed
         terms[V_EAST], terms[V_NORTH] = by_speed * sin, by_speed * cos
         if current_east is not None and current_north is not None:
@@ -290,18 +317,14 @@ def process_noise(space: StateSpace, heading_rad: Number, dt_s: float, noise: Pr
     """
     fwd, stb = noise.accel_fwd**2 / dt_s, noise.accel_stb**2 / dt_s
     sin, cos = np.sin(heading_rad), np.cos(heading_rad)
-    Q = np.zeros((*np.shape(heading_rad), space.size, space.size))
-    across = sin * cos * (fwd - stb)
-    entries = (
-        (0, 0, sin * sin * fwd + cos * cos * stb),
-        (1, 1, cos * cos * fwd + sin * sin * stb),
-        (0, 1, across),
-        (1, 0, across),
-    )
-    for row, place, variance in entries:
-        Q[..., row, place] = 0.25 * dt_s**4 * variance
-        Q[..., row, V_EAST + place] = Q[..., V_EAST + row, place] = 0.5 * dt_s**3 * variance
-        Q[..., V_EAST + row, V_EAST + place] = dt_s**2 * variance
+    turned = np.empty((*sin.shape, 2, 2))
+    turned[..., 0, 0] = sin * sin * fwd + cos * cos * stb
+    turned[..., 1, 1] = cos * cos * fwd + sin * sin * stb
+    turned[..., 0, 1] = turned[..., 1, 0] = sin * cos * (fwd - stb)
+    Q = np.zeros((*sin.shape, space.size, space.size))
+    Q[..., _PLACE, _PLACE] = 0.25 * dt_s**4 * turned
+    Q[..., _PLACE, _VELOCITY] = Q[..., _VELOCITY, _PLACE] = 0.5 * dt_s**3 * turned
+    Q[..., _VELOCITY, _VELOCITY] = dt_s**2 * turned
     Q[..., HEADING, HEADING] = noise.yaw_rate**2 * dt_s
     for place in range(len(BASE_NAMES), space.size):
         Q[..., place, place] = space.walk_variances[place] * dt_s

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from shore.navigation.measurements import Measurement
+from shore.navigation.measurements import Known, Measurement, Sailing, Stream
 from shore.navigation.models import ImuInput
 from shore.navigation.numbers import Array
 
@@ -39,7 +39,7 @@ class Opening:
     """Its covariance (..., n, n)."""
     read_from: Mapping[int, str] = field(default_factory=dict)
     """Component -> channel it was read from: its variance holds that channel's R0, and follows when R is learned."""
-    operations: tuple[Passed | Measurement, ...] = ()
+    operations: tuple[Passed | Measurement | Known, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     """Samples of each sensor."""
     due: int = FIRST_DUE
@@ -47,17 +47,17 @@ class Opening:
     @property
     def is_due(self) -> bool:
         """Time to filter again."""
-        return min(self.counts.values()) >= self.due
+        return min(self.counts.values(), default=0) >= self.due
 
     @property
     def is_over(self) -> bool:
         """No more to come."""
         return self.due > LAST_DUE or len(self.operations) >= MOST_OPERATIONS
 
-    def then(self, operation: Passed | Measurement) -> "Opening":
+    def then(self, operation: Passed | Measurement | Known) -> "Opening":
         """With one more operation."""
         counts = self.counts
-        if not isinstance(operation, Passed):
+        if not isinstance(operation, Passed | Sailing | Stream):
             counts = {**counts, operation.sensor: counts.get(operation.sensor, 0) + 1}
         return replace(self, operations=(*self.operations, operation), counts=counts)
 

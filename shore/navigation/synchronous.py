@@ -66,7 +66,7 @@ class Synchronous:
         self._waiting = [measured for measured in self._waiting if measured.t_ns > end_ns]
         if self._imu is not None:
             self._imu.forget_before(end_ns)
-        return self._bank.advance(self._moment, end_ns, [Step(self._step_s, imu)], record)
+        return self._bank.advance(self._moment, end_ns, [Step(self._step_s, imu)], record, imu)
 
     def _newest(self, kind: type[Position] | type[TrueHeading], end_ns: int) -> Measurement | None:
         """The newest of a kind up to the end of the step, unless an earlier step has used it or a newer one."""

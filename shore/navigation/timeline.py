@@ -14,6 +14,7 @@ from common.units import NS_PER_S
 from shore.navigation.bank import Bank, Batch, Moment
 from shore.navigation.imu import ImuTrack, Step, split
 from shore.navigation.measurements import Measurement, Position
+from shore.navigation.models import ImuInput
 
 HORIZON_S: Final = 5.0
 """What is older than this, against the newest boat time seen, is counted and not fused."""
@@ -122,7 +123,8 @@ class Timeline:
         moment = self._moments[-1] if self._moments else self._base
         for event in self._events[first:]:
             measured = () if event.measured is None else (event.measured,)
-            moment = self._bank.advance(moment, event.t_ns, self._steps(moment, event.t_ns), measured)
+            steps, shown = self._steps(moment, event.t_ns), self._shown(moment, event.t_ns)
+            moment = self._bank.advance(moment, event.t_ns, steps, measured, shown)
             self._moments.append(moment)
 
     def _steps(self, moment: Moment, to_ns: int) -> list[Step]:
@@ -132,6 +134,12 @@ class Timeline:
         if self._imu is None:
             return list(split(moment.t_ns, to_ns, None))
         return list(self._imu.steps(moment.t_ns, to_ns))
+
+    def _shown(self, moment: Moment, to_ns: int) -> ImuInput | None:
+        """Mean of the last second's samples while a filter waits for its start."""
+        if self._imu is None or all(state is not None for state in moment.states):
+            return None
+        return self._imu.mean(to_ns - NS_PER_S, to_ns)
 
     def _forget(self, horizon_ns: int) -> None:
         """Keep the horizon and the memory at its edge."""

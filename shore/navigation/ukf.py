@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
-from shore.navigation.models import HEADING, Gaussian, ImuInput, ProcessNoise, middle_heading, move, process_noise
+from shore.navigation.models import Gaussian, ImuInput, ProcessNoise, middle_heading, move, process_noise
 from shore.navigation.numbers import Array
 
 ALPHA: Final = 1.0
@@ -69,27 +69,18 @@ def sigma_points(x: Array, L: Array) -> Array:
     return points
 
 
-def mean_of_points(points: Array) -> Array:
-    """Weighted mean of the points (Eq. 4.52), circular for the heading, on the unwrapped branch of the first point."""
-    mean_weights = weights(points.shape[-1])[0]
-    mean: Array = mean_weights @ points
-    centre = points[..., 0, HEADING]
-    apart = points[..., HEADING] - centre[..., np.newaxis]
-    mean[..., HEADING] = centre + np.arctan2(np.sin(apart) @ mean_weights, np.cos(apart) @ mean_weights)
-    return mean
-
-
 def predict_unscented(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
     """The unscented transform of `move`; `repairs` counts factors of P that needed jitter.
 
-    Deviations are taken before the heading is wrapped: a spread beyond 180 deg is not folded into false certainty.
+    Mean and deviations (Eqs 4.52, 4.53) are taken before the heading is wrapped, on one branch that the points share:
+    a spread beyond 180 deg is not folded into false certainty.
     """
     space, x, P = before
     n = space.size
-    _, cov_weights, spread = weights(n)
+    mean_weights, cov_weights, spread = weights(n)
     L, repairs = factor(P)
     points = move(space, sigma_points(x, L), dt_s, imu)
-    mean = mean_of_points(points)
+    mean: Array = mean_weights @ points
     apart = points - mean[..., np.newaxis, :]
     Q = process_noise(space, middle_heading(x, mean), dt_s, noise)
     scatter = (apart.swapaxes(-1, -2) * cov_weights) @ apart

@@ -163,7 +163,7 @@ def test_kf_and_ukf_are_the_same_on_the_thesis_mission(mission: Truth, scenario_
     assert kf_rms == pytest.approx(ukf_rms, rel=0.02)
 
 
-SIGMAS = (0.02, 0.1, 0.1, 0.2, 0.3, 0.3, 0.05)
+SIGMAS = (0.02, 0.1, 0.1, 0.2, 0.3, 0.3, 0.05, 0.5)
 ALL = StateSpace(
     tuple(
         Extra(name, sigma, walk=0.01 * sigma * (place % 2), limit=0.4 if name == "tilt_leak_per_m" else math.inf)

@@ -24,7 +24,7 @@ from shore.navigation.models import (
 from shore.navigation.numbers import Array
 from shore.navigation.ukf import predict_unscented
 
-SIGMAS = (0.02, 0.1, 0.1, 0.2, 0.3, 0.3, 0.05)
+SIGMAS = (0.02, 0.1, 0.1, 0.2, 0.3, 0.3, 0.05, 0.5)
 ALL = StateSpace(tuple(Extra(name, sigma) for name, sigma in zip(EXTRA_NAMES, SIGMAS, strict=True)))
 NINE = StateSpace((*ALL.extras[:3], Extra("tilt_leak_per_m", 0.2, limit=0.4)))
 QUIET = ProcessNoise(0.004, 0.004, math.radians(0.036))

@@ -1,4 +1,4 @@
-"""Whole voyages in this process: scenario 5.3 over paired seeds, and a real recording with and without its IMU."""
+"""Whole voyages in this process: scenario 5.3 over paired seeds (real recordings: `test_recordings.py`)."""
 
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -6,11 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.simulation.recording import recording_voyage
 from common.simulation.scenarios import scenario_voyage
 from tests.offline import errors_of
-from tests.recordings import BLUEBOAT_235 as BLUEBOAT
-from tests.recordings import BLUEBOAT_MAP
 
 pytestmark = pytest.mark.slow
 
@@ -22,13 +19,6 @@ def last_quarter(seed: int) -> tuple[float, float, float]:
     knowing = replace(voyage, facts=replace(voyage.facts, sigma_m=20.0, sigma_deg=5.0))
     oracle = errors_of(knowing, ["ukf"])["ukf"]
     return tuple(item.rms_deg(0.75) ** 2 for item in (errors["fuzzy"], oracle, errors["ukf"]))  # type: ignore[return-value]
-
-
-def with_and_without_imu(seed: int) -> float:
-    """Position RMS of `fuzzy` with gyro and sideways accelerometer over that without IMU."""
-    voyage = recording_voyage(BLUEBOAT, BLUEBOAT_MAP, seed=seed)
-    with_imu = errors_of(voyage, ["fuzzy"])["fuzzy"].rms_m()
-    return with_imu / errors_of(voyage, ["fuzzy"], use=())["fuzzy"].rms_m()
 
 
 def interval(pairs: np.ndarray, count: int = 2000) -> tuple[float, float]:
@@ -48,12 +38,3 @@ def test_in_scenario_53_fuzzy_ends_as_good_as_a_filter_that_knows_the_noise() ->
     assert to_oracle[1] <= 1.10, to_oracle
     # The optimum is 0.445 (docs/decisions.md): on a draw of fifty seeds even that has an interval beyond 0.5.
     assert to_fixed[1] <= 0.6, to_fixed
-
-
-def test_a_real_boat_gains_from_gyro_and_sideways_accelerometer() -> None:
-    if not BLUEBOAT.exists():
-        pytest.skip("the recordings of ../shared/data are not here")
-    with ProcessPoolExecutor(2) as pool:
-        ratios = list(pool.map(with_and_without_imu, range(20)))
-    print(f"median {np.median(ratios):.3f}, from {min(ratios):.3f} to {max(ratios):.3f}")
-    assert float(np.median(ratios)) <= 1.0, sorted(ratios)

@@ -97,7 +97,9 @@ def test_a_second_reader_that_steals_is_told_once_and_its_end_once(tmp_path: Pat
             thief.wait()
         board.until_event("lines-clean", since=since)
         board.boat_seconds(12)
-        assert board.told(since) == [("one", "lines-damaged"), ("one", "lines-clean")]
+        # On a busy machine the thief may get every byte for 3 s of the boat clock: that silence is told besides.
+        of_lines = [told for told in board.told(since) if told[0] == "one"]
+        assert of_lines == [("one", "lines-damaged"), ("one", "lines-clean")]
         assert board.health["compass1"].reason is None
         got = board.headings["compass1"]
         assert set(got) <= {k % 3600 / 10 for k in range(device.sent // 2 + 1)}

@@ -1,0 +1,71 @@
+"""What is known of the water without measuring it; optional, it bounds the drift of an outage.
+
+A field says how the water flows; a boat goes through it where its bow points, with the way that its thrust keeps up.
+All of it is wrong for a while in the same sense. Fused each second as if every time were independent it would claim
+far too much. So what is wrong by sigma within T is fused as the white noise that tells as little, 2 sigma^2 T / dt.
+A state that wanders by sigma / sqrt(T) and is told its value with sigma^2 T / dt keeps the doubt sigma and forgets
+within T what it differed by. The way itself is never told: the filter finds it while it has fixes.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from common.simulation.fields import VectorField
+from shore.navigation.filters import Filter, FilterFacts
+from shore.navigation.measurements import Sailing, Stream
+from shore.navigation.models import EAST, NORTH, Extra, StateSpace
+from shore.navigation.numbers import Array, Number, part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Water:
+    """What a filter is told; all 1-sigma."""
+
+    field: VectorField | None = None
+    """Velocity of the water by place on the filter's plane and time; `None` = unknown: it wanders by `walk_m_s`."""
+    field_error_m_s: float = 0.1
+    """Of each axis: an atlas of tides, a model's grid."""
+    field_error_s: float = 600.0
+    """How long a field stays wrong in the same sense."""
+    walk_m_s: float = 0.01
+    """Density m/s / sqrt(s): 0.5 m/s in 40 min."""
+    largest_m_s: float = 0.5
+    """Of each axis, before anything is known."""
+    leeway_m_s: float = 0.05
+    """Speed athwart through the water: wind, waves, turns."""
+    leeway_s: float = 60.0
+    surge_m_s: float = 0.05
+    """Speed ahead about the way: waves, helm."""
+    surge_s: float = 10.0
+    largest_way_m_s: float = 2.0
+    """The way, before anything is known."""
+    way_m_s: float = 0.1
+    """By how much the way changes, mostly by wind ..."""
+    way_s: float = 300.0
+    """... within this."""
+
+    def told(self, facts: FilterFacts) -> FilterFacts:
+        """The facts with current and way as states."""
+        walk = self.walk_m_s if self.field is None else self.field_error_m_s / math.sqrt(self.field_error_s)
+        water = (
+            Extra("current_east_m_s", self.largest_m_s, walk),
+            Extra("current_north_m_s", self.largest_m_s, walk),
+            Extra("way_m_s", self.largest_way_m_s, self.way_m_s / math.sqrt(self.way_s)),
+        )
+        return replace(facts, space=StateSpace((*facts.space.extras, *water)))
+
+    def predict(self, each: Filter, t_s: float, dt_s: float, predict: Callable[[], object]) -> None:
+        """Let `predict` move a filter on by `dt_s` to `t_s` of the field's time, and tell it what is known there."""
+        before = each.estimate.x
+        predict()
+        if self.field is not None:
+            was, now = self._flow(before, t_s - dt_s), self._flow(each.estimate.x, t_s)
+            variance = self.field_error_m_s**2 * self.field_error_s / dt_s
+            each.update(Stream(*now, now[0] - was[0], now[1] - was[1], variance))
+        athwart = 2.0 * self.leeway_m_s**2 * self.leeway_s / dt_s
+        each.update(Sailing(athwart, 2.0 * self.surge_m_s**2 * self.surge_s / dt_s))
+
+    def _flow(self, x: Array, t_s: float) -> tuple[Number, Number]:
+        assert self.field is not None
+        return self.field(part(x, EAST), part(x, NORTH), t_s)
