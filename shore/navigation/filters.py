@@ -121,7 +121,7 @@ class Filter:
 
         `read_from`: component -> channel whose first sample it is, so that its variance in `P` is that of the channel.
         """
-        opening = Opening(x, P, read_from or {}) if self._rule.filters_again else None
+        opening = Opening.at(x, P, read_from or {}) if self._rule.filters_again else None
         self._state = FilterState(self.facts.space, x, P, {}, opening=opening)
 
     def snapshot(self) -> FilterState:

@@ -192,7 +192,10 @@ class FuzzyNoise(BeforeUpdate):
         stale = self.not_equal(dom_ratio, self._entries(new_weight))
         stays = (1.0 - stale) * (1.0 - entry / self.long)
         weight = stays * weight + stale * short_weight + share
-        excess = stays * excess + stale * (short_square - short_prior) + share * (kept - prior_variance)
+        # What is too small is divided, not subtracted: P that a too large R has raised would leave nothing of R.
+        fresh = choose(dom_ratio < 1.0, short_weight * before * dom_ratio, short_square - short_prior)
+        shown = before * kept / expected if noise.is_held else kept - prior_variance
+        excess = stays * excess + stale * fresh + share * shown
         learned = before if noise.is_held else self._limited(channel, excess / weight)
         is_plain = isinstance(square, float) and square <= kept
         variance = learned if is_plain else self._guarded(channel, learned, square, expected)

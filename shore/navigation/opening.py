@@ -18,8 +18,10 @@ FIRST_DUE: Final = 2
 """Samples of the slowest sensor at which the opening is filtered again for the first time."""
 LAST_DUE: Final = 32
 """... and for the last time."""
-MOST_OPERATIONS: Final = 2_000
-"""The opening ends here at the latest (a minute of a 20 Hz IMU and a 10 Hz compass, with a sensor gone silent)."""
+MOST_OPERATIONS: Final = 8_000
+"""The opening ends here at the latest: four minutes of a 20 Hz IMU and a 10 Hz compass."""
+SILENT_AFTER: Final = 3.0
+"""Mean intervals without a sample after which a sensor is not waited for."""
 
 
 class Passed(NamedTuple):
@@ -42,12 +44,25 @@ class Opening:
     operations: tuple[Passed | Measurement | Known, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     """Samples of each sensor."""
+    heard: Mapping[str, int] = field(default_factory=dict)
+    """Operations up to the last sample of each."""
     due: int = FIRST_DUE
+
+    @classmethod
+    def at(cls, x: Array, P: Array, read_from: Mapping[int, str]) -> "Opening":
+        """At a start; the sensors it was read from are waited for."""
+        return cls(x, P, read_from, counts={channel.rpartition(".")[0]: 0 for channel in read_from.values()})
 
     @property
     def is_due(self) -> bool:
         """Time to filter again."""
-        return min(self.counts.values(), default=0) >= self.due
+        waited_for = (count for sensor, count in self.counts.items() if not self._is_silent(sensor))
+        return min(waited_for, default=0) >= self.due
+
+    def _is_silent(self, sensor: str) -> bool:
+        count, heard = self.counts[sensor], self.heard.get(sensor, 0)
+        patience = SILENT_AFTER * heard / count if count > 1 else MOST_OPERATIONS / 4
+        return len(self.operations) - heard > patience
 
     @property
     def is_over(self) -> bool:
@@ -56,10 +71,12 @@ class Opening:
 
     def then(self, operation: Passed | Measurement | Known) -> "Opening":
         """With one more operation."""
-        counts = self.counts
-        if not isinstance(operation, Passed | Sailing | Stream):
-            counts = {**counts, operation.sensor: counts.get(operation.sensor, 0) + 1}
-        return replace(self, operations=(*self.operations, operation), counts=counts)
+        operations = (*self.operations, operation)
+        if isinstance(operation, Passed | Sailing | Stream):
+            return replace(self, operations=operations)
+        sensor = operation.sensor
+        counts = {**self.counts, sensor: self.counts.get(sensor, 0) + 1}
+        return replace(self, operations=operations, counts=counts, heard={**self.heard, sensor: len(operations)})
 
     def later(self) -> "Opening | None":
         """After it was filtered again."""
