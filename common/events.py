@@ -101,6 +101,11 @@ EVENTS: Final[dict[str, EventKind]] = {
         "{count} measurements of {sensor} are stamped more than {limit_s} s after their own frame and were not fused",
         "check the receiver's time; they are kept in the log",
     ),
+    "imu-implausible": EventKind(
+        "warning",
+        "{count} samples of {sensor} show what no such sensor can measure and were not used",
+        "check its cable, its scale and the model in the board's file",
+    ),
     "variation-used": EventKind(
         "info",
         "magnetic variation here is {variation_deg} deg (WMM2025, east +, good to {doubt_deg} deg)",

@@ -108,7 +108,7 @@ class _Run:
     def __init__(self, config: BoatConfig, names: tuple[str, ...], step_s: float | None) -> None:
         facts = facts_of(config)
         self._driver = driving_sensor(config)
-        imu = ImuTrack(self._driver) if self._driver else None
+        imu = self._imu = ImuTrack(self._driver) if self._driver else None
         self._names = names
         self._alignments = {name: Alignment() for name in names}
         filters = [build_filter(name, facts) for name in names]
@@ -199,14 +199,16 @@ class _Run:
 
     def _tell_unused(self) -> None:
         """Summed up, so that a backfill after a cut of the link is a few events instead of thousands."""
-        self._tell_counts("late-dropped", self._feeder.late, HORIZON_S)
-        self._tell_counts("ahead-dropped", self._feeder.ahead, AHEAD_S)
+        self._tell_counts("late-dropped", self._feeder.late, limit_s=HORIZON_S)
+        self._tell_counts("ahead-dropped", self._feeder.ahead, limit_s=AHEAD_S)
+        if self._imu and self._driver and self._imu.left_out:
+            self._tell_counts("imu-implausible", {self._driver.id: self._imu.left_out})
 
-    def _tell_counts(self, code: str, counts: Mapping[str, int], limit_s: float) -> None:
+    def _tell_counts(self, code: str, counts: Mapping[str, int], **evidence: float) -> None:
         now_ns = self._newest_ns
         for sensor, count in counts.items():
             told, told_at_ns = self._unused_told.get((code, sensor), (0, None))
             if count == told or (told_at_ns is not None and now_ns - told_at_ns < SUMMED_S * NS_PER_S):
                 continue
             self._unused_told[code, sensor] = (count, now_ns)
-            self.tell(code, now_ns, sensor, sensor=sensor, count=count - told, limit_s=limit_s)
+            self.tell(code, now_ns, sensor, sensor=sensor, count=count - told, **evidence)

@@ -8,7 +8,7 @@ import numpy as np
 from common.units import NS_PER_S
 from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import Course, Position, TrueHeading
-from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH, ImuInput
+from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
 from shore.navigation.numbers import Array, Number
 
 UNKNOWN_SPEED_M_S: Final = 1.0
@@ -22,7 +22,8 @@ def first_state(
 ) -> tuple[Array, Array, dict[int, str]]:
     """State (n,) and covariance (n, n) at `t_ns`, not before either measurement, and what was read from which channel.
 
-    Extra states begin at their priors. The older of the two is carried forward: the position with its velocity, the
+    Extra states begin at their priors. The place is that of the boat's reference point: what the antenna's lever makes
+    of an error of the heading is in P. The older of the two is carried forward: the position with its velocity, the
     heading as a random walk. `shown`: mean of the IMU just before; all of its acceleration may be bias, so the doubt of
     the biases is widened by it. A unit that is mounted 10 deg off level is then found instead of believed.
     """
@@ -42,6 +43,8 @@ def first_state(
     )
     read_from = {EAST: f"{position.sensor}.east", NORTH: f"{position.sensor}.north", HEADING: channel}
     x, P = first_of(facts, (*place, v_east, v_north, angle), base_variances)
+    if lever := facts.levers.get(position.sensor):
+        x, P = _from_antenna(x, P, lever)
     if shown is not None:
         for bias, accel in zip(facts.space.places[1:3], shown[:2], strict=True):
             if bias is not None:
@@ -59,6 +62,22 @@ def first_of(facts: FilterFacts, base: Sequence[Number], base_variances: Sequenc
         P[HEADING, HEADING] += P[bias, bias]
         P[HEADING, bias] = P[bias, HEADING] = -P[bias, bias]
     return x, P
+
+
+def _from_antenna(x: Array, P: Array, lever: tuple[float, float]) -> tuple[Array, Array]:
+    """The state at the reference point, of one at an antenna (forward, starboard) of it, m.
+
+    Place and heading are wrong together; that covariance is left out, because the opening of a filter exchanges the
+    heading's variance alone when it learns R, and P must stay positive then.
+    """
+    east_m, north_m = body_to_plane(*lever, x[HEADING])
+    moved, spread = x.copy(), P.copy()
+    moved[EAST] -= east_m
+    moved[NORTH] -= north_m
+    # the derivative of (east, north) by a clockwise heading is (north, -east)
+    slope = np.array([-north_m, east_m])
+    spread[EAST : NORTH + 1, EAST : NORTH + 1] += P[HEADING, HEADING] * np.outer(slope, slope)
+    return moved, spread
 
 
 def _angle(heading: TrueHeading | Course) -> tuple[str, Number]:

@@ -2,7 +2,8 @@
 
 A sample covers the interval that ends at its time, up to `LATE_IMU_S`. In a longer gap, and after the newest sample,
 the last one is held for `hold_ns`, then nothing is known (`None`). Where frames are missing, the difference of
-the running sums is one coarse sample over the gap. All of it depends on the set of blocks only, not on their arrival.
+the running sums is one coarse sample over the gap. Samples that no sensor can show are left out, and no sum that holds
+one bridges a gap. All of it depends on the set of blocks only, not on their arrival.
 """
 
 import math
@@ -13,7 +14,7 @@ from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 from common.messages import Frame, ImuBlock
-from common.sensors import LATE_IMU_S, ROLES, BoatConfig, SensorTable
+from common.sensors import IMU_AXES, LATE_IMU_S, ROLES, BoatConfig, SensorTable
 from common.units import NS_PER_S, NS_PER_US
 from shore.navigation.models import ImuInput
 
@@ -23,6 +24,12 @@ _LATE_NS: Final = int(LATE_IMU_S * NS_PER_S)
 LONGEST_STEP_S: Final = 1.0
 MOST_STEPS: Final = 10
 """A stretch above 1 s is predicted in up to ten equal steps: P is then within 1/(4 x 10^2) of the continuous one."""
+LARGEST_ACCEL_M_S2: Final = 160.0
+"""16 g, the full scale of consumer units; more comes from a broken line, a wrong scale or a wrong model."""
+LARGEST_YAW_RATE_DEG_S: Final = 2000.0
+"""Full scale of consumer units."""
+_LIMITS: Final = (LARGEST_ACCEL_M_S2, LARGEST_ACCEL_M_S2, LARGEST_YAW_RATE_DEG_S)
+"""Of `IMU_AXES`."""
 
 
 class Stretch(NamedTuple):
@@ -42,15 +49,22 @@ class Step(NamedTuple):
 
 @dataclass(slots=True)
 class _Block:
-    """A block of samples with biases removed, in SI; `stretches` depend on the block before it."""
+    """The plausible samples of a block, biases removed, in SI; `stretches` depend on the blocks before it."""
 
     boot_id: str
     source: ImuBlock
+    end_ns: int
+    """Time of the last sample, plausible or not."""
     times_ns: list[int]
     inputs: list[ImuInput]
     counts: list[int]
     """Samples behind each input."""
     stretches: list[Stretch] = field(default_factory=list)
+
+    @property
+    def left_out(self) -> int:
+        """Samples that are not plausible."""
+        return len(self.source.offset_us) - sum(self.counts)
 
 
 class ImuTrack:
@@ -64,27 +78,33 @@ class ImuTrack:
         self._blocks: list[_Block] = []
         self._stretches: list[Stretch] = []
         self._ends_ns: list[int] = []
+        # An axis that is not used may show anything: it is often left out because it is broken.
+        axes = zip(IMU_AXES, _LIMITS, strict=True)
+        self._limits = tuple(limit if axis in sensor.use else math.inf for axis, limit in axes)
+        self.left_out = 0
+        """Samples that were no plausible numbers."""
 
     def insert(self, block: ImuBlock, boot_id: str) -> tuple[int, int] | None:
         """Take in a block in any order. Returns the time from which the track has changed and the block's last sample.
 
-        `None` when it has no usable sample or is known already.
+        `None` when it is known already or changes nothing.
         """
-        fresh = self._decode(block, boot_id)
         place = bisect_left(self._blocks, block.t_ns, key=lambda known: known.source.t_ns)
-        if not fresh.times_ns or (place < len(self._blocks) and self._blocks[place].source == block):
+        if not block.offset_us or (place < len(self._blocks) and self._blocks[place].source == block):
             return None
+        fresh = self._decode(block, boot_id)
+        self.left_out += fresh.left_out
         self._blocks.insert(place, fresh)
-        for index in (place, place + 1):
-            if index < len(self._blocks):
-                before = self._blocks[index - 1] if index else None
-                self._blocks[index].stretches = self._cover(before, self._blocks[index])
+        fresh.stretches = self._cover(place)
+        lost_ns = self._cover_later(place + 1)
         self._flatten()
-        return (fresh.stretches[0].start_ns if fresh.stretches else fresh.times_ns[0]), fresh.times_ns[-1]
+        if fresh.times_ns:
+            return (fresh.stretches[0].start_ns if fresh.stretches else fresh.times_ns[0]), fresh.times_ns[-1]
+        return None if lost_ns is None else (lost_ns, fresh.end_ns)
 
     def forget_before(self, t_ns: int) -> None:
         """Drop blocks that ended before `t_ns`, except the newest of them."""
-        old = sum(block.times_ns[-1] < t_ns for block in self._blocks) - 1
+        old = sum(block.end_ns < t_ns for block in self._blocks) - 1
         if old > 0:
             del self._blocks[:old]
             self._flatten()
@@ -132,8 +152,9 @@ class ImuTrack:
 
     def _decode(self, block: ImuBlock, boot_id: str) -> _Block:
         """Samples in order of time."""
-        times_ns, means, counts = grouped(block)
-        return _Block(boot_id, block, times_ns, [self._input(*mean) for mean in means], counts)
+        times_ns, means, counts = grouped(block, self._limits)
+        inputs = [self._input(*mean) for mean in means]
+        return _Block(boot_id, block, max(block.sample_t_ns), times_ns, inputs, counts)
 
     def _input(self, fwd: float, stb: float, yaw_deg: float) -> ImuInput:
         """Known biases removed (thesis Eqs 3.2, 3.3), unused axes 0, rad/s."""
@@ -144,11 +165,24 @@ class ImuTrack:
             math.radians(yaw_deg - sensor.bias_yaw_rate_deg_s) if "yaw_rate" in sensor.use else 0.0,
         )
 
-    def _cover(self, before: _Block | None, block: _Block) -> list[Stretch]:
-        """The stretches of a block, given the one before it."""
-        last_ns = before.times_ns[-1] if before else None
+    def _cover_later(self, place: int) -> int | None:
+        """Renew the stretches up to the next block with samples; returns the first time that they cover otherwise."""
+        for index in range(place, len(self._blocks)):
+            block = self._blocks[index]
+            if block.times_ns:
+                known, block.stretches = block.stretches, self._cover(index)
+                return None if known == block.stretches else min(s.start_ns for s in (*known[:1], *block.stretches[:1]))
+        return None
+
+    def _cover(self, place: int) -> list[Stretch]:
+        """The stretches of a block, given those before it."""
+        block = self._blocks[place]
+        if not block.times_ns:
+            return []
+        earlier = self._blocks[place - 1 :: -1] if place else []
+        last_ns = next((before.times_ns[-1] for before in earlier if before.times_ns), None)
         stretches = []
-        coarse = self._coarse(before, block) if before else None
+        coarse = self._coarse(earlier[0], block) if earlier else None
         if coarse:
             stretches.append(coarse)
             last_ns = coarse.end_ns
@@ -161,18 +195,21 @@ class ImuTrack:
         return stretches
 
     def _coarse(self, before: _Block, block: _Block) -> Stretch | None:
-        """Mean over missing blocks: difference of the running sums less the block's own part."""
+        """Mean over missing blocks: difference of the running sums less the block's own part.
+
+        `None` where that is not known: the sums of a block hold the samples that were left out of it.
+        """
         later, earlier = block.source, before.source
         missing = later.sum_count - earlier.sum_count - len(later.offset_us)
         covered_s = later.sum_time_s - earlier.sum_time_s
-        if block.boot_id != before.boot_id or missing <= 0 or covered_s <= 0.0:
+        if block.boot_id != before.boot_id or missing <= 0 or covered_s <= 0.0 or block.left_out:
             return None
         period_s = covered_s / (missing + len(later.offset_us))
-        _, own_means, _ = grouped(later)
+        _, own_means, _ = grouped(later, self._limits)
         own_s = [period_s, *((b - a) / NS_PER_S for a, b in pairwise(block.times_ns))]
         gap_s = covered_s - sum(own_s)
         end_ns = block.times_ns[0] - round(period_s * NS_PER_S)
-        if gap_s <= 0.0 or end_ns <= before.times_ns[-1]:
+        if gap_s <= 0.0 or end_ns <= before.end_ns:
             return None
         totals = (
             later.sum_accel_fwd_m_s - earlier.sum_accel_fwd_m_s,
@@ -184,9 +221,9 @@ class ImuTrack:
             (total - sum(map(float.__mul__, own_s, column))) / gap_s
             for total, column in zip(totals, columns, strict=True)
         ]
-        if not all(map(math.isfinite, means)):
+        if not _plausible(means, self._limits):
             return None
-        return Stretch(before.times_ns[-1], end_ns, self._input(*means))
+        return Stretch(before.end_ns, end_ns, self._input(*means))
 
 
 def driving_sensor(config: BoatConfig) -> SensorTable | None:
@@ -216,18 +253,23 @@ def blocks_of(frame: Frame, sensor: SensorTable) -> tuple[ImuBlock, ...]:
     )
 
 
-def grouped(block: ImuBlock) -> tuple[list[int], list[tuple[float, ...]], list[int]]:
-    """Times (ns, increasing), mean (forward, starboard, yaw rate) and count of the samples at each; finite ones only.
+def grouped(block: ImuBlock, limits: Sequence[float]) -> tuple[list[int], list[tuple[float, ...]], list[int]]:
+    """Times (ns, increasing), mean (forward, starboard, yaw rate) and count of the plausible samples at each.
 
     Lines that came in one chunk share its stamp: together they cover what lies before it, so their mean does.
     """
     columns = zip(block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=False)
     at_time: dict[int, list[tuple[float, ...]]] = {}
     for t_ns, *values in columns:
-        if all(map(math.isfinite, values)):
+        if _plausible(values, limits):
             at_time.setdefault(t_ns, []).append(tuple(values))
     times_ns = sorted(at_time)
     return times_ns, [_mean(at_time[t_ns]) for t_ns in times_ns], [len(at_time[t_ns]) for t_ns in times_ns]
+
+
+def _plausible(values: Sequence[float], limits: Sequence[float]) -> bool:
+    """All of them finite and within the limits."""
+    return all(math.isfinite(value) and abs(value) <= limit for value, limit in zip(values, limits, strict=True))
 
 
 def _mean(samples: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:

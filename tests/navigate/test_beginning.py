@@ -1,4 +1,4 @@
-"""The first state knows that all the IMU shows may be bias; the trim is as restless as the bow is high."""
+"""The first state: all the IMU shows may be bias, the antenna has a lever; the trim is restless as the bow is high."""
 
 import math
 
@@ -10,7 +10,7 @@ from common.sensors import BoatConfig, BoatTable, SensorTable
 from shore.navigation.adaptation import Channel
 from shore.navigation.beginning import first_state
 from shore.navigation.estimate import Estimate
-from shore.navigation.filters import FilterFacts
+from shore.navigation.filters import FilterFacts, build_filter
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.models import (
     FIVE,
@@ -21,6 +21,7 @@ from shore.navigation.models import (
     ImuInput,
     ProcessNoise,
     StateSpace,
+    body_to_plane,
     with_trim,
 )
 from shore.navigation.numbers import Array
@@ -44,6 +45,59 @@ def test_without_bias_states_or_without_imu_nothing_is_widened() -> None:
         _, P, _ = first_state(0, FIX, HEADING, facts, shown)
         sigmas = [extra.sigma for extra in facts.space.extras]
         assert np.sqrt(P.diagonal()[5:]) == pytest.approx(sigmas)
+
+
+AFT = (-8.0, 1.0)
+"""Forward and starboard of the reference point, m."""
+
+
+@pytest.mark.parametrize("space", [LEAKY, StateSpace((Extra("compass_bias_rad", 0.02),))])
+def test_the_first_place_is_that_of_the_reference_point(space: StateSpace) -> None:
+    """Fix and heading are drawn about the truth: the first state is exact without noise, and as good as it claims."""
+    rng = np.random.default_rng(4)
+    truth = np.array([3.0, -5.0, 1.0])
+    antenna = truth[:2] + np.array(body_to_plane(*AFT, truth[2]))
+    facts = FilterFacts({**CHANNELS, "g.east": Channel(0.01), "g.north": Channel(0.01)}, space, levers={"g": AFT})
+    exact, _, _ = first_state(0, Position(0, "g", *antenna), HEADING._replace(heading_rad=1.0), facts)
+    assert exact[[0, 1, 4]].tolist() == pytest.approx(truth.tolist())
+
+    squares = []
+    for _ in range(2000):
+        fix = Position(0, "g", *(antenna + 0.1 * rng.normal(size=2)))
+        bias = space.index("compass_bias_rad")
+        off = 0.01 * rng.normal() + (0.0 if bias is None else 0.02 * rng.normal())
+        x, P, read_from = first_state(0, fix, HEADING._replace(heading_rad=1.0 + off), facts)
+        error = x[:2] - truth[:2]
+        squares.append(error @ np.linalg.solve(P[:2, :2], error))
+    assert np.mean(squares) == pytest.approx(2.0, abs=0.15)
+    assert read_from == {0: "g.east", 1: "g.north", 4: "c.heading"}
+
+
+@pytest.mark.parametrize("told_sigma_deg", [0.5, 1.0, 4.0])
+@pytest.mark.parametrize("name", ["kf", "ekf", "ukf", "fuzzy"])
+def test_a_long_lever_and_a_fine_gps_start_well_whatever_is_told_of_the_compass(
+    name: str, told_sigma_deg: float
+) -> None:
+    """8 m and 5 cm: a P that is not positive after R was learned would end in no number."""
+    rng = np.random.default_rng(5)
+    fine = {"g.east": Channel(0.0025, 5.0), "g.north": Channel(0.0025, 5.0)}
+    channels = {**fine, "c.heading": Channel(math.radians(told_sigma_deg) ** 2, 10.0)}
+    each = build_filter(name, FilterFacts(channels, FIVE, ProcessNoise(0.02, 0.02, 0.002), levers={"g": AFT}))
+    antenna = np.array(body_to_plane(*AFT, 1.0))
+    for k in range(200):
+        fix = Position(0, "g", *(antenna + 0.05 * rng.normal(size=2)))
+        heading = TrueHeading(0, "c", 1.0 + math.radians(1.0) * rng.normal())
+        if k == 0:
+            each.start(*first_state(0, fix, heading, each.facts))
+        else:
+            each.predict(0.1, ImuInput(*(rng.normal(size=3) * [0.06, 0.06, 0.006])))
+            each.update(heading)
+            if k % 2 == 0:
+                each.update(fix)
+        x, P = each.estimate.x, each.estimate.P
+        assert np.linalg.eigvalsh(P).min() > 0.0
+        assert x[:2] @ np.linalg.solve(P[:2, :2], x[:2]) < 25.0
+    assert each.estimate.repairs == 0
 
 
 @pytest.mark.parametrize("step_s", [None, 0.2])

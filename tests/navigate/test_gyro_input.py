@@ -84,3 +84,15 @@ def test_the_gyros_bias_is_estimated(name: str) -> None:
     estimate = [pipeline.push(frame) for frame in frames][-1].estimates[0]
     bias_deg_s = math.degrees(estimate.state[estimate.names.index("gyro_bias_rad_s")])
     assert bias_deg_s == pytest.approx(0.7, abs=0.1)
+
+
+def test_a_rate_that_no_gyro_can_show_is_left_out_and_told() -> None:
+    frames = [with_gyro(frame) for frame in frames_of(sail(22, 0.05), 7)]
+    bad = replace(frames[100], turn_rates=tuple(replace(rate, rate_deg_s=3999.0) for rate in frames[100].turn_rates))
+    good, hit = Pipeline(boat(GYRO), ("ukf",)), Pipeline(boat(GYRO), ("ukf",))
+    told = []
+    for frame in frames:
+        (one,), output = good.push(frame).estimates, hit.push(bad if frame.seq == 100 else frame)
+        told += [item for item in output.events if item.code == "imu-implausible"]
+        assert abs(math.remainder(one.heading_true_deg - output.estimates[0].heading_true_deg, 360.0)) < 0.2
+    assert [(item.source, item.evidence["count"]) for item in told] == [("gyro1", 2)]

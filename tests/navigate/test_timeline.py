@@ -253,7 +253,7 @@ def test_a_state_that_is_no_number_is_reset_and_reported(bank_of: BankOf) -> Non
     timeline = Timeline(bank, ImuTrack(IMU))
     start = (Position(S, "gps1", 0.0, 0.0, None, None), TrueHeading(S, "compass1", 0.0))
     timeline.push(Batch(S, "b", start, ()))
-    timeline.push(Batch(2 * S, "b", (TrueHeading(2 * S, "compass1", 0.0),), (block(1.5, [1e300]),)))
+    timeline.push(Batch(2 * S, "b", (TrueHeading(2 * S, "compass1", math.nan),), ()))
     assert bank.resets
     (moment,) = timeline.push(Batch(3 * S, "b", (TrueHeading(3 * S, "compass1", 0.0),), ()))
     assert state_of(moment).healthy
