@@ -7,6 +7,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
 from common.errors import WayfixError
@@ -19,6 +20,7 @@ def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
 
     extra: the installation extra that brings the program's packages.
     """
+    _open_closed()
     try:
         code = command()
         sys.stdout.flush()
@@ -52,6 +54,16 @@ def number(kind: type[N], low: N, high: N) -> Callable[[str], N]:
         return value
 
     return parse
+
+
+def _open_closed() -> None:
+    """A program that is started with a closed stdout or stderr (`>&-`) has `None` there: write to nowhere instead.
+
+    This also keeps the first file that is opened from getting the number of stdout.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open to the end
 
 
 def _refuse(program: str, sentence: str) -> int:

@@ -264,3 +264,7 @@ def _progress(frames: Any) -> Any:
     from rich.progress import track
 
     return track(frames, description="replaying", console=Console(stderr=True), total=None)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

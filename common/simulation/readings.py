@@ -61,6 +61,11 @@ class SensorFacts:
     sigma_deg: Annotated[float, Range(0.001, 180.0)] = _TABLE.sigma_deg
     accel_density: Annotated[float, Range(1e-6, 100.0)] = _TABLE.accel_density
     gyro_density_deg: Annotated[float, Range(1e-6, 1000.0)] = _TABLE.gyro_density_deg
+    bias_accel_sigma_m_s2: Annotated[float, Range(0.0, 10.0)] = _TABLE.bias_accel_sigma_m_s2
+    bias_accel_walk_m_s2: Annotated[float, Range(0.0, 1.0)] = _TABLE.bias_accel_walk_m_s2
+    bias_yaw_rate_sigma_deg_s: Annotated[float, Range(0.0, 50.0)] = _TABLE.bias_yaw_rate_sigma_deg_s
+    bias_yaw_rate_walk_deg_s: Annotated[float, Range(0.0, 5.0)] = _TABLE.bias_yaw_rate_walk_deg_s
+    tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = _TABLE.tilt_leak_sigma_per_m
     use: tuple[Annotated[str, OneOf(IMU_AXES)], ...] = _TABLE.use
 
 

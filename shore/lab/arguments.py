@@ -35,13 +35,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_common(running)
     running.add_argument(
-        "--json", action="store_true", help="last lines of stdout: one JSON object a scenario; ci95 is [low, high]"
+        "--json",
+        action="store_true",
+        help="stdout is one JSON object a line, one for each scenario; tables go to stderr; ci95 is [low, high], "
+        "ratio_to_oracle is taken with the method that reference names",
     )
-    running.add_argument("--plots", type=Path, metavar="DIR", help="write pictures into this directory")
+    running.add_argument("--plots", type=directory, metavar="DIR", help="write pictures into this directory")
     running.set_defaults(lab="run")
 
     thesis = commands.add_parser("thesis", help="chapters 4 and 5 on one page", description=THESIS)
-    thesis.add_argument("--out", type=Path, default=Path("thesis-out"), metavar="DIR", help="default thesis-out")
+    thesis.add_argument("--out", type=directory, default=Path("thesis-out"), metavar="DIR", help="default thesis-out")
     _add_common(thesis)
     thesis.set_defaults(lab="thesis")
 
@@ -58,6 +61,13 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
         metavar="W",
         help=f"processes; figures do not depend on it (default {workers}, one a core)",
     )
+
+
+def directory(text: str) -> Path:
+    """An argparse type: a path that is not empty, which would be the working directory."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("must be a directory, got an empty name")
+    return Path(text)
 
 
 def default_workers() -> int:

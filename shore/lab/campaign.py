@@ -129,7 +129,8 @@ def run_tasks(tasks: Sequence[Task], workers: int, done: Callable[[], None]) -> 
             done()
         return {task: future.result() for future, task in futures.items()}
     except BrokenExecutor as error:
-        raise WayfixError("a worker died", cure="it may lack memory: use --workers 1") from error
+        cure = "it may lack memory or rights: use --workers 1"
+        raise WayfixError("a worker died or could not be started", cure=cure) from error
     except BaseException:
         executor.shutdown(wait=False, cancel_futures=True)
         for child in multiprocessing.active_children():

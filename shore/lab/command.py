@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+import tempfile
 from collections.abc import Iterable
 from contextlib import nullcontext
 from pathlib import Path
@@ -44,11 +45,13 @@ def run_scenarios(arguments: argparse.Namespace) -> int:
         new_directory(arguments.plots)
     campaign = Campaign(scenarios, filters, arguments.runs, arguments.seed, arguments.profile)
     results = run_campaigns([campaign], arguments.workers)
-    for result in results:
-        show(tables.tables_of(result))
+    for place, result in enumerate(results):
+        if place:
+            _print("", words=arguments.json)
+        show(tables.tables_of(result), words=arguments.json)
     if arguments.plots is not None:
         for path in (path for result in results for path in save_figures(result, arguments.plots)):
-            _print(f"picture {path}")
+            _print(f"picture {path}", words=arguments.json)
     if arguments.json:
         for result in results:
             _print(json.dumps(as_json(result), allow_nan=False))
@@ -90,20 +93,21 @@ def _bar() -> Progress:
 
 
 def new_directory(path: Path) -> None:
-    """Make it before the long work begins. Raises WayfixError when it cannot be written."""
+    """Make it, and try to write, before the long work begins. Raises WayfixError when it cannot be written."""
     try:
         path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
     except OSError as error:
         raise WayfixError(f"cannot be used ({error.strerror})", str(path), "give a directory to write into") from error
 
 
-def show(parts: Iterable[Any]) -> None:
-    """Print for people."""
-    console = tables.console()
+def show(parts: Iterable[Any], *, words: bool = False) -> None:
+    """Print for people: on stdout, or as `words` on stderr, where they do not disturb data."""
+    console = tables.console(stderr=words)
     for part in parts:
         console.print(part)
 
 
-def _print(line: str) -> None:
-    sys.stdout.write(line + "\n")
-    sys.stdout.flush()
+def _print(line: str, *, words: bool = False) -> None:
+    print(line, file=sys.stderr if words else sys.stdout, flush=True)

@@ -38,12 +38,13 @@ LAB_STYLES: Final[dict[str, dict[str, Any]]] = {
     "fuzzy-qr": {"color": "#e377c2", "linewidth": 1.3},
     "interval-kf": {"color": "#bcbd22", "linewidth": 1.3},
     "dead-reckoning": {"color": "#7f7f7f", "linewidth": 1.3},
-    "static": {"color": "#1b7f4b", "linewidth": 1.5},
+    "static": {"color": "#a0006d", "linewidth": 1.5},
     "ukf-5": {"color": "#98df8a", "linewidth": 1.3},
 }
 HEIGHTS_IN: Final = {"tracks": 6.2, "headings": 5.4, "rms": 5.4, "noise": 7.0}
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis")
 """Wide lines that others may lie upon."""
+DRAWN_LAST: Final = "fuzzy"
 TRUTH: Final[dict[str, Any]] = {"color": "#222222", "linewidth": 2.0}
 BOUND: Final[dict[str, Any]] = {"color": "#222222", "linewidth": 1.2, "linestyle": (0, (1, 1))}
 COAST: Final[dict[str, Any]] = {"color": "#a08050", "linewidth": 2.5, "alpha": 0.7}
@@ -62,7 +63,7 @@ class Picture:
 def pictures(result: Result, filters: tuple[str, ...] | None = None) -> Iterator[Picture]:
     """All figures of a result with these filters (default: those asked for). Raises WayfixError without matplotlib."""
     plt = pyplot()
-    shown = sorted(filters or result.asked, key=lambda name: name not in DRAWN_FIRST)
+    shown = sorted(filters or result.asked, key=lambda name: (name not in DRAWN_FIRST, name == DRAWN_LAST))
     kinds = [("tracks", _tracks), ("headings", _headings), ("rms", _rms)]
     if _adaptive(result, shown):
         kinds.append(("noise", _noise))

@@ -8,6 +8,7 @@ import numpy as np
 
 from shore.lab.batch import Outcome
 from shore.lab.campaign import RAW, Result
+from shore.lab.methods import METHODS
 from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
 from shore.lab.statistics import COMPONENTS, Estimated, mean_of, oddness, ratio_of
 from shore.navigation.numbers import Array
@@ -15,6 +16,9 @@ from shore.navigation.numbers import Array
 WHOLE: Final = "whole"
 ODD: Final = 2.0
 """|z| below which a published value is within the spread of one run."""
+
+LEAST_RUNS_FOR_Z: Final = 10
+"""With fewer, the spread of single runs is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,7 @@ class Score:
     ratio: tuple[Estimated, ...]
     """Mean MSE / mean MSE of the reference, same runs."""
     to_bound: tuple[float, ...]
+    """NaN for a method that is told the biases which the bound's filter has to find."""
     anees: float
     """5 expected."""
     anis: float
@@ -41,13 +46,15 @@ def score(result: Result, method: str, span: str = WHOLE) -> Score:
     """The figures of a method over a stretch of the run; consistency and times are of the whole run."""
     outcome = result.outcomes[method]
     samples = outcome.mse[span]
-    bound = bound_of(result, span)
+    bound = np.array(bound_of(result, span))
+    if result.setting.biased and method != RAW and METHODS[method].knows_bias:
+        bound = np.full(len(bound), np.nan)
     estimates = tuple(mean_of(samples[:, each]) for each in range(3))
     return Score(
         mse=estimates,
         sd=tuple(samples.std(axis=0, ddof=1).tolist()),
         ratio=tuple(ratio_of(samples[:, each], result.reference.mse[span][:, each]) for each in range(3)),
-        to_bound=tuple(estimate.value / least for estimate, least in zip(estimates, bound, strict=True)),
+        to_bound=tuple(estimate.value / least for estimate, least in zip(estimates, bound.tolist(), strict=True)),
         anees=float(outcome.nees.mean()),
         anis=float(outcome.nis.mean()),
         us_per_step=outcome.seconds * 1e6 / (result.runs * (len(result.bound) - 1)),
@@ -67,6 +74,7 @@ class Comparison:
     method: str
     published: tuple[float, ...]
     z: tuple[float, ...]
+    """NaN with less than `LEAST_RUNS_FOR_Z` runs."""
 
 
 def comparisons(result: Result) -> list[Comparison]:
@@ -78,18 +86,24 @@ def comparisons(result: Result) -> list[Comparison]:
             continue
         span = "after" if method == RAW and result.name in RAW_AFTER_CHANGE else WHOLE
         samples = result.outcomes[method].mse[span]
-        found.append(Comparison(method, row, tuple(oddness(row[each], samples[:, each]) for each in range(3))))
+        known = result.runs >= LEAST_RUNS_FOR_Z
+        z = tuple(oddness(row[each], samples[:, each]) if known else math.nan for each in range(3))
+        found.append(Comparison(method, row, z))
     return found
 
 
 def as_json(result: Result) -> dict[str, Any]:
-    """The object of `lab run --json`; a number that does not exist is null, `ci95` is [low, high]."""
+    """The object of `lab run --json`; a number that does not exist is null, `ci95` is [low, high].
+
+    `ratio_to_oracle` is taken with the method `reference`: `static` where the boat is moored.
+    """
     printed = PUBLISHED.get(result.name)
     return {
         "scenario": result.name,
         "runs": result.runs,
         "seed": result.seed,
         "profile": result.setting.profile,
+        "reference": result.setting.reference,
         "results": {method: _method_json(score(result, method)) for method in result.asked},
         "bound": _named(bound_of(result)),
         "published": {method: _named(row) for method, row in printed.rows.items()} if printed else {},

@@ -9,18 +9,26 @@ from rich.table import Table
 from common.simulation.scenarios import SCENARIOS
 from shore.lab.campaign import RAW, Result
 from shore.lab.methods import METHODS
-from shore.lab.published import PUBLISHED
-from shore.lab.scores import WHOLE, bound_of, comparisons, score
+from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
+from shore.lab.scores import LEAST_RUNS_FOR_Z, WHOLE, bound_of, comparisons, score
 from shore.lab.statistics import Estimated
 
 LEAST_WIDTH = 170
 """Characters, where the output is no terminal."""
 
 
-def console() -> Console:
-    """Stdout; wide enough for the tables when it goes to a file or a pipe."""
-    plain = Console(highlight=False)
-    return plain if plain.is_terminal else Console(highlight=False, width=LEAST_WIDTH)
+class _Terminal(Console):
+    """rich would end the program itself, with exit code 1, when who reads has had enough (`| head`)."""
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to `run_command`."""
+        raise BrokenPipeError
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Stdout or stderr; wide enough for the tables when it goes to a file or a pipe."""
+    plain = _Terminal(highlight=False, stderr=stderr)
+    return plain if plain.is_terminal else _Terminal(highlight=False, stderr=stderr, width=LEAST_WIDTH)
 
 
 def lists() -> Iterable[RenderableType]:
@@ -47,11 +55,12 @@ def tables_of(result: Result) -> Iterable[RenderableType]:
     scenario = result.setting.scenario
     steps = len(result.bound) - 1
     yield (
-        f"\n[bold]{scenario.name}[/bold]: {scenario.text}\n"
+        f"[bold]{scenario.name}[/bold]: {scenario.text}\n"
         f"{steps} steps of {result.setting.runs.step_s:g} s, {result.runs} runs, seed {result.seed}, "
         f"profile {result.setting.profile}; MSE with 95 % interval, in brackets the sd of one run"
     )
     yield _main_table(result)
+    yield from bound_remarks(result)
     yield from _comparison_table(result)
     yield from _span_table(result)
 
@@ -70,25 +79,45 @@ def _main_table(result: Result) -> Table:
             table.add_row("raw sensors", *cells)
             continue
         ratios = " ".join(f"{each.value:.3f}" for each in scored.ratio)
-        to_bound = " ".join(f"{each:.3f}" for each in scored.to_bound)
+        to_bound = " ".join(plain(each, ".3f") for each in scored.to_bound)
         numbers = (f"{scored.anees:.2f}", plain(scored.anis, ".2f"), f"{scored.us_per_step:.1f}")
         table.add_row(method, *cells, ratios, to_bound, *numbers, f"{scored.live_us:.0f}")
     table.add_row("bound", *(f"{least:.3g}" for least in bound_of(result)))
     return table
 
 
-def _comparison_table(result: Result) -> Iterable[Table]:
+def _comparison_table(result: Result) -> Iterable[RenderableType]:
     found = comparisons(result)
     if not found:
         return
     printed = PUBLISHED[result.name]
     table = Table(title=f"Table {printed.table} beside our runs", title_justify="left", box=None, pad_edge=False)
-    for heading in ("published", "east, m²", "north, m²", "heading, deg²", "z of each among single runs"):
+    for heading in ("published", "east, m²", "north, m²", "heading, deg²", "z of each (log, single runs)"):
         table.add_column(heading, justify="left" if heading == "published" else "right", no_wrap=True)
     for row in found:
-        name = "raw sensors" if row.method == RAW else row.method
-        table.add_row(name, *(f"{each:.4g}" for each in row.published), " ".join(f"{each:+.1f}" for each in row.z))
+        name = row_name(result, row.method)
+        table.add_row(name, *(f"{each:.4g}" for each in row.published), " ".join(plain(each, "+.1f") for each in row.z))
     yield table
+    if result.runs < LEAST_RUNS_FOR_Z:
+        yield f"z needs {LEAST_RUNS_FOR_Z} runs."
+    else:
+        yield "z: standard deviations from our mean, on the logarithm of the MSE, among single runs."
+    if printed.remark:
+        yield printed.remark
+
+
+def row_name(result: Result, method: str) -> str:
+    """What a row of a published table is called, and of which steps it is."""
+    name = "raw sensors" if method == RAW else method
+    return f"{name} (after the change)" if method == RAW and result.name in RAW_AFTER_CHANGE else name
+
+
+def bound_remarks(result: Result) -> Iterable[str]:
+    """What is not obvious of the column "x bound"."""
+    if result.setting.biased and any(METHODS[method].knows_bias for method in result.asked):
+        yield "The bound is that of a filter that has to find the biases: none for a method that is told them."
+    if result.setting.told.exact_start:
+        yield "The bound is for a start drawn from P(1); errors after the exact start of compat may lie below it."
 
 
 def _span_table(result: Result) -> Iterable[Table]:

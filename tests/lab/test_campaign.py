@@ -1,7 +1,11 @@
 """`wayfix lab`: the JSON line, workers, scores against the theory, and wrong input."""
 
 import json
+import os
 import re
+import shlex
+import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from common.simulation.scenarios import find_scenario
 from shore.lab.arguments import DEFAULT_FILTERS
@@ -20,6 +25,7 @@ from shore.lab.methods import METHODS
 from shore.lab.published import PUBLISHED
 from shore.lab.scores import as_json, bound_of, comparisons, score
 from shore.lab.statistics import COMPONENTS
+from shore.lab.tables import LEAST_WIDTH, tables_of
 from shore.main import main
 
 
@@ -48,9 +54,11 @@ def test_the_figures_do_not_depend_on_the_workers(monkeypatch: pytest.MonkeyPatc
 def test_the_json_line_has_the_agreed_shape(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["lab", "run", "4.2", "4.0", "--filters", "kf,static", "--runs", "4", "--seed", "5", "--workers", "1"]
     assert main([*arguments, "--json"]) == 0
-    lines = capsys.readouterr().out.splitlines()[-2:]
+    said = capsys.readouterr()
+    lines = said.out.splitlines()
+    assert "Table 4.3 beside our runs" in said.err
     first, second = map(json.loads, lines)
-    assert list(first) == ["scenario", "runs", "seed", "profile", "results", "bound", "published"]
+    assert list(first) == ["scenario", "runs", "seed", "profile", "reference", "results", "bound", "published"]
     assert (first["scenario"], first["runs"], first["seed"], first["profile"]) == ("4.2", 4, 5, "stated")
     assert list(first["results"]) == ["kf", "static"]
     one: dict[str, Any] = first["results"]["kf"]
@@ -63,6 +71,7 @@ def test_the_json_line_has_the_agreed_shape(capsys: pytest.CaptureFixture[str]) 
         assert low < one["mse"][component] < high
     assert first["published"]["kf"] == {"east_m2": 1.5635, "north_m2": 0.8454, "heading_deg2": 0.1365}
     assert second["published"] == {}
+    assert (first["reference"], second["reference"]) == ("oracle", "static")
     assert second["results"]["static"]["ratio_to_oracle"] == dict.fromkeys(COMPONENTS, 1.0)
 
 
@@ -115,6 +124,7 @@ def test_a_moored_boat_reaches_eqs_4_5_and_4_8() -> None:
         (["lab", "run", "5.1", "--filters", ""], "--filters: unknown filter ''; use one or more of kf"),
         (["lab", "run", "agile", "--profile", "compat"], "agile: nothing is published about it"),
         (["lab", "thesis", "--out", "/dev/null/x"], "/dev/null/x: cannot be used"),
+        (["lab", "run", "5.1", "--plots", "/proc"], "/proc: cannot be used"),
     ],
 )
 def test_wrong_input_is_one_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -122,6 +132,55 @@ def test_wrong_input_is_one_sentence(arguments: list[str], sentence: str, capsys
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert sentence in said
+
+
+@pytest.mark.parametrize("option", [["run", "5.1", "--plots"], ["thesis", "--out"]])
+def test_an_empty_name_is_no_directory(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["lab", *option, ""])
+    assert stop.value.code == 2
+    assert "must be a directory, got an empty name" in capsys.readouterr().err
+
+
+def words_of(result: Result) -> str:
+    console = Console(width=LEAST_WIDTH)
+    with console.capture() as capture:
+        for part in tables_of(result):
+            console.print(part)
+    return " ".join(capture.get().split())
+
+
+def test_tables_say_what_a_published_row_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shore.lab.campaign.run_method", sensors_in_place_of_a_filter)
+    few, enough = (words_of(*run(["5.3"], ["ukf"], runs)) for runs in (9, 10))
+    for words in (few, enough):
+        assert "raw sensors (after the change)" in words
+        assert "z of the raw rows is taken after the change" in words
+    assert "z needs 10 runs" in few
+    assert "on the logarithm" in enough
+
+
+def test_no_bound_for_a_method_that_is_told_the_biases(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shore.lab.campaign.run_method", sensors_in_place_of_a_filter)
+    (biased,), (free,) = (run([name], ["ukf", "oracle"], 2) for name in ("uncalibrated", "5.1"))
+    assert np.all(np.isnan(score(biased, "oracle").to_bound))
+    assert np.all(np.isfinite([*score(biased, "ukf").to_bound, *score(free, "oracle").to_bound]))
+    assert "has to find the biases" in words_of(biased)
+    assert "has to find the biases" not in words_of(free)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell of POSIX")
+@pytest.mark.parametrize(
+    ("rest", "seen"), [(">&-", ""), ("2>&-", "Scenarios: "), ("| head -1", "Scenarios: "), ("| true", "")]
+)
+def test_nobody_reads_and_all_is_well(rest: str, seen: str) -> None:
+    """A closed stdout or stderr, and a pipe whose reader is gone before anything is written."""
+    command = f"set -o pipefail; {shlex.quote(sys.executable)} -m shore.main lab list {rest}"
+    bash = shutil.which("bash") or pytest.skip("needs bash")
+    done = subprocess.run([bash, "-c", command], capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(seen)
+    assert bool(done.stdout) == bool(seen)
 
 
 @pytest.mark.parametrize("runs", ["1", "0", "x", "200000"])
@@ -160,6 +219,7 @@ def test_the_page_of_the_thesis_holds_everything(tmp_path: Path, monkeypatch: py
         assert f"Table {printed.table} beside our runs" in page
     assert "http" not in page
     assert "<script" not in page
+    assert re.search(r"\bnan\b", page) is None
     assert page.count('src="data:image/png;base64,') == 13
     data = json.loads((tmp_path / "thesis.json").read_text(encoding="utf-8"))
     assert {(one["scenario"], one["profile"]) for one in data["scenarios"]} >= {

@@ -18,7 +18,9 @@ from shore.lab.statistics import (
 )
 
 
-@pytest.mark.parametrize(("degrees", "tabled"), [(5, 2.571), (10, 2.228), (30, 2.042), (199, 1.972)])
+@pytest.mark.parametrize(
+    ("degrees", "tabled"), [(1, 12.706), (4, 2.776), (5, 2.571), (10, 2.228), (30, 2.042), (199, 1.972)]
+)
 def test_student_is_the_tabled_one(degrees: int, tabled: float) -> None:
     assert student(degrees) == pytest.approx(tabled, abs=0.006)
 
