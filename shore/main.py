@@ -79,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     replay.set_defaults(command=_replay)
 
     demo = commands.add_parser("demo", help="a whole boat on this machine", description=_demo.__doc__)
-    demo.add_argument("--scenario", default="5.3", help="scenario of the thesis (default 5.3: noise grows at 300 s)")
+    demo.add_argument("--scenario", default="5.3", help="one of `wayfix lab list` (default 5.3: noise grows at 300 s)")
     demo.add_argument("--recording", type=Path, metavar="CSV", help="play this recording instead of a scenario")
     demo.add_argument("--map", type=Path, metavar="TOML", help="columns of the recording (deploy/examples)")
     demo.add_argument("--seed", type=number(int, 0, 2**63), default=1, help="seed of all noise (default 1)")
