@@ -16,15 +16,14 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from common.angles import wrap_rad
 from shore.navigation.adaptation import Channel
 from shore.navigation.beginning import first_of
 from shore.navigation.filters import FilterFacts, build_filter
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import FIVE, Extra, ImuInput, ProcessNoise, StateSpace, move, process_noise
-from shore.navigation.numbers import Array
+from shore.navigation.models import FIVE, Extra, ImuInput, ProcessNoise, StateSpace, process_noise
+from tests.navigate.filterpys import filterpy_ukf
 
 NINE: Final = StateSpace(
     (
@@ -83,7 +82,8 @@ def ours(name: str, space: StateSpace, data: Data, steps: int, runs: int | None 
 
 def filterpys(data: Data, steps: int) -> float:
     """The same job for filterpy's UKF, which takes the three numbers at once."""
-    theirs = _filterpy()
+    R = np.diag([channel.initial_variance for channel in CHANNELS.values()])
+    theirs = filterpy_ukf(np.array(START), np.diag(VARIANCES), R)
     start_s = 0.0
     for step in range(OPENING + steps):
         if step == OPENING:
@@ -93,27 +93,6 @@ def filterpys(data: Data, steps: int) -> float:
         theirs.predict(imu=imu)
         theirs.update(np.array([*data.fixes[step], wrap_rad(data.headings[step])]))
     return (time.process_time() - start_s) / steps * 1e6
-
-
-def _filterpy() -> Any:
-    def residual(a: Array, b: Array) -> Array:
-        apart = a - b
-        apart[-1] = wrap_rad(apart[-1])
-        return apart
-
-    def mean(points: Array, weights: Array) -> Array:
-        result = weights @ points
-        result[-1] = math.atan2(weights @ np.sin(points[:, -1]), weights @ np.cos(points[:, -1]))
-        return result
-
-    points = MerweScaledSigmaPoints(5, alpha=1.0, beta=2.0, kappa=0.0)
-    theirs = UnscentedKalmanFilter(
-        5, 3, 1.0, hx=lambda state: state[[0, 1, 4]], fx=partial(move, FIVE), points=points,
-        x_mean_fn=mean, z_mean_fn=mean, residual_x=residual, residual_z=residual,
-    )  # fmt: skip
-    theirs.x, theirs.P = np.array(START), np.diag(VARIANCES)
-    theirs.R = np.diag([channel.initial_variance for channel in CHANNELS.values()])
-    return theirs
 
 
 def jobs() -> dict[str, Callable[[], float]]:

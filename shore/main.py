@@ -35,7 +35,16 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="wayfix", description="Wayfix ashore.")
     parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_connect(commands)
+    _add_replay(commands)
+    _add_demo(commands)
+    lab = commands.add_parser("lab", help="scenarios x filters x runs", description=_lab.__doc__)
+    add_arguments(lab)
+    lab.set_defaults(command=_lab)
+    return parser
 
+
+def _add_connect(commands: Any) -> None:
     connect = commands.add_parser(
         "connect", help="receive, filter and log a boat's frames", description=_connect.__doc__
     )
@@ -57,6 +66,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_json(connect)
     connect.set_defaults(command=_connect)
 
+
+def _add_replay(commands: Any) -> None:
     replay = commands.add_parser("replay", help="run a log through the filters again", description=_replay.__doc__)
     replay.add_argument("log", type=Path, help="a log of `wayfix connect` or `wayfix demo`")
     replay.add_argument(
@@ -78,6 +89,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_json(replay)
     replay.set_defaults(command=_replay)
 
+
+def _add_demo(commands: Any) -> None:
     demo = commands.add_parser("demo", help="a whole boat on this machine", description=_demo.__doc__)
     demo.add_argument("--scenario", default="5.3", help="one of `wayfix lab list` (default 5.3: noise grows at 300 s)")
     demo.add_argument("--recording", type=Path, metavar="CSV", help="play this recording instead of a scenario")
@@ -96,11 +109,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_json(demo)
     demo.set_defaults(command=_demo)
-
-    lab = commands.add_parser("lab", help="scenarios x filters x runs", description=_lab.__doc__)
-    add_arguments(lab)
-    lab.set_defaults(command=_lab)
-    return parser
 
 
 def _connect(arguments: argparse.Namespace) -> int:
@@ -139,10 +147,12 @@ def _replay(arguments: argparse.Namespace) -> int:
     from shore.navigation.timeline import HORIZON_S
     from shore.replay import replay, smoothed
     from shore.score import score_of, score_table
-    from shore.smooth import write_track
+    from shore.smooth import check_target, write_track
 
     filters = _filters(arguments.filters) if arguments.filters else None
     progress = _progress if sys.stderr and sys.stderr.isatty() else None
+    if arguments.smooth:
+        check_target(arguments.smooth, [path for path in (arguments.log, arguments.reference) if path])
     result = replay(arguments.log, filters, arguments.step, arguments.order, progress)
     if not result.frames:
         damage = f" ({result.damage})" if result.damage else ""

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
@@ -18,9 +18,6 @@ from shore.navigation.timeline import HORIZON_NS
 from shore.pipeline import Pipeline
 from shore.smooth import smooth_log
 
-ORDERS: Final = ("arrival", "time")
-"""As live, every frame when it came; or sorted by boat time, so that a late backfill is in its place."""
-
 
 @dataclass(slots=True)
 class Replay:
@@ -29,6 +26,7 @@ class Replay:
     config: BoatConfig
     filters: tuple[str, ...]
     order: str = "arrival"
+    """`arrival` = as live, every frame when it came; `time` = by boat time, so that late backfill is in its place."""
     frames: list[Frame] = field(default_factory=list)
     """In the order in which they were fed."""
     estimates: list[dict[str, Any]] = field(default_factory=list)

@@ -133,6 +133,15 @@ class _Run(Timeline):
         self._kept.clear()
 
 
+def check_target(path: Path, inputs: Iterable[Path]) -> None:
+    """Before the work: raises WayfixError when a track cannot be written there, or would take the place of an input."""
+    cure = "choose another --smooth file"
+    if any(given.exists() and path.exists() and path.samefile(given) for given in inputs):
+        raise WayfixError("is what is read, it would be lost", str(path), cure)
+    if path.is_dir() or not path.absolute().parent.is_dir():
+        raise WayfixError("cannot be written (no such directory, or one itself)", str(path), cure)
+
+
 def write_track(path: Path, estimates: Sequence[Estimate]) -> None:
     """Write `COLUMNS`; t_s from the first row. Raises WayfixError when the file cannot be written."""
     try:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.errors import WayfixError
-from common.simulation.assumed import Assumed
+from common.simulation.assumed import BIAS_ACCEL_M_S2, BIAS_YAW_RATE_DEG_S, Assumed
 from common.simulation.manoeuvres import Manoeuvres
 from common.simulation.runs import Runs
 from common.simulation.scenario import Scenario
@@ -34,12 +34,12 @@ MEASURED: Final = ("gps1.east", "gps1.north", "compass1.heading")
 """Channels in the order of the components."""
 EIGHT: Final = StateSpace(
     (
-        Extra("gyro_bias_rad_s", math.radians(0.3)),
-        Extra("accel_bias_fwd_m_s2", 0.04),
-        Extra("accel_bias_stb_m_s2", 0.04),
+        Extra("gyro_bias_rad_s", math.radians(BIAS_YAW_RATE_DEG_S)),
+        Extra("accel_bias_fwd_m_s2", BIAS_ACCEL_M_S2),
+        Extra("accel_bias_stb_m_s2", BIAS_ACCEL_M_S2),
     )
 )
-"""States of a filter whose IMU was not calibrated; priors a little wider than the biases of Table 5.4."""
+"""States of a filter whose IMU was not calibrated."""
 LIVE_STEPS: Final = 200
 """Steps of one boat whose time is taken."""
 _NS_PER_S: Final = 10**9

@@ -5,7 +5,7 @@ from typing import Final
 
 from shore.navigation.filters import FilterState
 from shore.navigation.measurements import Course, Position, TrueHeading
-from shore.navigation.models import HEADING, V_EAST, V_NORTH
+from shore.navigation.models import HEADING, lift_of
 
 HEADING_KNOWN_DEG: Final = 10.0
 """Below this 1-sigma the heading counts as known; beyond it, it is lost again."""
@@ -47,8 +47,8 @@ def _biases_are_settled(state: FilterState) -> bool:
     """The doubt of what the biases add up to at this speed: at a steady one bias and tilt leak cannot be told apart."""
     space, x, P = state.space, state.x, state.P
     gyro, fwd, stb, leak = space.places[:4]
-    along_m_s = float(x[V_EAST] * math.sin(x[HEADING]) + x[V_NORTH] * math.cos(x[HEADING]))
-    forward = {place: weight for place, weight in ((fwd, 1.0), (leak, along_m_s * abs(along_m_s))) if place is not None}
+    weights = ((fwd, 1.0), (leak, float(lift_of(space, x))))
+    forward = {place: weight for place, weight in weights if place is not None}
     fwd_variance = sum(a * b * float(P[i, j]) for i, a in forward.items() for j, b in forward.items())
     return (
         fwd_variance < ACCEL_KNOWN_M_S2**2

@@ -24,7 +24,7 @@ from shore.navigation.kalman import (
     prior_variance,
     update_scalar,
 )
-from shore.navigation.measurements import Course, Known, Measurement, Position, Sailing, Stream, TrueHeading
+from shore.navigation.measurements import Course, Known, Measurement, Position, Sailing, Stream
 from shore.navigation.models import (
     EAST,
     FIVE,
@@ -188,14 +188,15 @@ class Filter:
         if isinstance(measured, Position):
             self._update_position(measured)
             return
-        component, angle = ("heading", measured.heading_rad) if isinstance(measured, TrueHeading) else _course(measured)
         row: Row = ((HEADING, 1.0),)
         expected = part(self.estimate.x, HEADING)
-        bias = self.facts.space.index("compass_bias_rad")
-        if bias is not None and component == "heading":
+        if isinstance(measured, Course):
+            self._update(f"{measured.sensor}.course", row, wrapped(measured.course_rad - expected))
+            return
+        if (bias := self.facts.space.index("compass_bias_rad")) is not None:
             row = (*row, (bias, 1.0))
             expected = expected + part(self.estimate.x, bias)
-        self._update(f"{measured.sensor}.{component}", row, wrapped(angle - expected))
+        self._update(f"{measured.sensor}.heading", row, wrapped(measured.heading_rad - expected))
 
     def _update_position(self, measured: Position) -> None:
         for component, place, value in (("east", EAST, measured.east_m), ("north", NORTH, measured.north_m)):
@@ -267,10 +268,6 @@ class Filter:
         return ProcessNoise(noise.accel_fwd * accel, noise.accel_stb * accel, noise.yaw_rate * turn)
 
 
-def _course(measured: Course) -> tuple[str, Number]:
-    return "course", measured.course_rad
-
-
 REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
     "kf": (predict_linear, "fixed"),
     "ekf": (predict_extended, "fixed"),
@@ -290,10 +287,15 @@ def build_filter(name: str, facts: FilterFacts) -> Filter:
 
     Raises: WayfixError for an unknown name.
     """
+    return Filter(name, *parts_of(name), facts)
+
+
+def parts_of(name: str) -> tuple[Predict, NoiseRule]:
+    """What a filter of the registry is made of; raises WayfixError for an unknown name."""
     if name not in REGISTRY:
         raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
     predict, rule = REGISTRY[name]
-    return Filter(name, predict, NOISE_RULES[rule], facts)
+    return predict, NOISE_RULES[rule]
 
 
 def facts_of(config: BoatConfig) -> FilterFacts:

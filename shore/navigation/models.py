@@ -208,6 +208,11 @@ def _along(space: StateSpace, x: Array, heading_rad: Number) -> Number:
     return v_east * np.sin(heading_rad) + v_north * np.cos(heading_rad)
 
 
+def lift_of(space: StateSpace, x: Array) -> Number:
+    """L of the tilt leak at states (..., n), m^2/s^2."""
+    return _lift(_along(space, x, part(x, HEADING)))
+
+
 Sloped = tuple[Number, dict[int, Number]]
 """A number of a state, and its derivative by the states at their places."""
 
@@ -234,8 +239,7 @@ def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
     leak = space.places[3]
     if leak is None:
         return noise
-    expected = space.extras[leak - len(BASE_NAMES)].sigma * _lift(_along(space, x, part(x, HEADING)))
-    trim = TRIM_UNREST * expected
+    trim = TRIM_UNREST * space.extras[leak - len(BASE_NAMES)].sigma * lift_of(space, x)
     return noise._replace(accel_fwd=np.hypot(noise.accel_fwd, trim))
 
 

@@ -19,14 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.errors import WayfixError
 from shore.navigation.adaptation import NoiseRule
-from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, Predict
+from shore.navigation.filters import Filter, FilterFacts, FilterState, Predict, parts_of
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
 from shore.navigation.models import Gaussian, ImuInput
 from shore.navigation.numbers import Array, clip, part
 from shore.navigation.opening import Opening
-from shore.navigation.rules import NOISE_RULES
 
 
 class Link(NamedTuple):
@@ -157,7 +155,4 @@ def build_recorder(name: str, facts: FilterFacts) -> Recorder:
 
     Raises: WayfixError for an unknown name.
     """
-    if name not in REGISTRY:
-        raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
-    predict, rule = REGISTRY[name]
-    return Recorder(name, predict, NOISE_RULES[rule], facts)
+    return Recorder(name, *parts_of(name), facts)

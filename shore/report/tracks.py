@@ -26,12 +26,7 @@ STYLES: Final[dict[str, dict[str, Any]]] = {
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis", "ukf", "fuzzy")
 INSET_M: Final = 45.0
 """Half width of the enlarged piece of track."""
-CORNERS: Final = {
-    "upper left": (0.0, 1.0),
-    "upper right": (1.0, 1.0),
-    "lower left": (0.0, 0.0),
-    "lower right": (1.0, 0.0),
-}
+CORNERS: Final = ((0, 1), (1, 1), (0, 0), (1, 0))
 
 
 def draw(path: Path, score: Score, frames: list[Frame], estimates: list[dict[str, Any]], title: str) -> None:
@@ -68,8 +63,7 @@ def _draw_tracks(axes: Any, score: Score, frames: list[Frame], tracks: dict[str,
     fixes = [fix for frame in frames for fix in frame.fixes if fix.usable]
     points = np.array([plane.to_east_north_m(fix.lat_deg or 0.0, fix.lon_deg or 0.0) for fix in fixes]).reshape(-1, 2)
     truth = np.column_stack((score.reference.east_m, score.reference.north_m))
-    legend_corner, inset_corner = _emptiest_corners(np.vstack((points, truth)))
-    x, y = CORNERS[inset_corner]
+    x, y = _emptiest_corner(np.vstack((points, truth)))
     inset = axes.inset_axes((0.02 + x * 0.54, 0.02 + y * 0.56, 0.42, 0.40))
     for axis in (axes, inset):
         axis.plot(*points.T, ".", color=STYLES["gps"]["color"], markersize=4, label="GPS fixes")
@@ -83,16 +77,14 @@ def _draw_tracks(axes: Any, score: Score, frames: list[Frame], tracks: dict[str,
     axes.indicate_inset_zoom(inset, edgecolor="#555555")
     axes.set(xlabel="east, m", ylabel="north, m", title=f"Tracks (enlarged: {2 * INSET_M:.0f} m)")
     axes.grid(alpha=0.25)
-    axes.legend(loc=legend_corner)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=6, fontsize=9)
 
 
-def _emptiest_corners(points: Points) -> tuple[str, str]:
-    """Where legend and inset hide the least: (second emptiest, emptiest) quarter of the picture."""
+def _emptiest_corner(points: Points) -> tuple[int, int]:
+    """Where the inset hides the least: 0 or 1 along each axis."""
     low, high = points.min(axis=0), points.max(axis=0)
     share = (points - low) / np.maximum(high - low, 1e-9)
-    counts = {name: np.sum(np.all(np.abs(share - np.array(corner)) < 0.5, axis=1)) for name, corner in CORNERS.items()}
-    emptiest, second, *_ = sorted(counts, key=lambda name: int(counts[name]))
-    return second, emptiest
+    return min(CORNERS, key=lambda corner: int(np.sum(np.all(np.abs(share - np.array(corner)) < 0.5, axis=1))))
 
 
 def _draw_errors(axes: Any, score: Score, sources: dict[str, Errors], names: list[str]) -> None:

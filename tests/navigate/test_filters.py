@@ -2,16 +2,13 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
-from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.angles import difference_rad, heading_rad, wrap_rad
+from common.angles import difference_rad, heading_rad
 from common.errors import WayfixError
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
@@ -33,10 +30,10 @@ from shore.navigation.models import (
     ImuInput,
     ProcessNoise,
     StateSpace,
-    move,
     process_noise,
 )
 from shore.navigation.numbers import Array, wrapped
+from tests.navigate.filterpys import filterpy_ukf
 from tests.navigate.voyages import Run, Truth, errors, run_filter, thesis_facts
 
 
@@ -64,27 +61,7 @@ def test_sigma_points_are_rows_along_the_columns_of_the_lower_factor() -> None:
     assert np.array_equal(points[6], -points[1])
 
 
-def filterpy_ukf(x: Array, P: Array) -> Any:
-    """filterpy's filter with our angle arithmetic injected."""
-
-    def residual(a: Array, b: Array) -> Array:
-        apart = a - b
-        apart[-1] = wrap_rad(apart[-1])
-        return apart
-
-    def mean(points: Array, weights: Array) -> Array:
-        result = weights @ points
-        result[-1] = math.atan2(weights @ np.sin(points[:, -1]), weights @ np.cos(points[:, -1]))
-        return result
-
-    points = MerweScaledSigmaPoints(5, alpha=1.0, beta=2.0, kappa=0.0)
-    theirs = UnscentedKalmanFilter(
-        5, 3, 1.0, hx=lambda s: s[[0, 1, 4]], fx=partial(move, FIVE), points=points,
-        x_mean_fn=mean, z_mean_fn=mean, residual_x=residual, residual_z=residual,
-    )  # fmt: skip
-    theirs.x, theirs.P = x.copy(), P.copy()
-    theirs.R = np.diag([36.0, 49.0, math.radians(0.5) ** 2])
-    return theirs
+TOLD = np.diag([36.0, 49.0, math.radians(0.5) ** 2])
 
 
 class Twins:
@@ -93,7 +70,7 @@ class Twins:
     def __init__(self, facts: FilterFacts, x: Array, P: Array) -> None:
         self.ours = build_filter("ukf", facts)
         self.ours.start(x, P)
-        self.theirs = filterpy_ukf(x, P)
+        self.theirs = filterpy_ukf(x, P, TOLD)
         self._wraps = self.theirs.residual_z, self.theirs.z_mean
         self.worst = 0.0
 

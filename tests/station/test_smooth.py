@@ -125,6 +125,29 @@ def test_replay_writes_and_scores_it(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert summary["position_rms_m"]["ukf-smoothed"] < summary["position_rms_m"]["ukf"]
 
 
+@pytest.mark.parametrize(
+    ("target", "what"),
+    [
+        ("wayfix.mcap", "is what is read, it would be lost"),
+        ("truth.csv", "is what is read, it would be lost"),
+        ("no/track.csv", "cannot be written"),
+        (".", "cannot be written"),
+    ],
+)
+def test_a_track_never_takes_the_place_of_what_is_read(
+    target: str, what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = log_of(tmp_path, voyages.frames_of(voyages.sail(2, 0.05), 2), {})
+    log = log.rename(tmp_path / "wayfix.mcap")
+    reference = tmp_path / "truth.csv"
+    reference.write_text("t_s\n")
+    before = log.read_bytes(), reference.read_text()
+    asked = ["replay", str(log), "--smooth", str(tmp_path / target), "--reference", str(reference)]
+    assert main(asked) == 2
+    assert what in capsys.readouterr().err
+    assert before == (log.read_bytes(), reference.read_text())
+
+
 def write_truth(path: Path, truth: voyages.Truth) -> None:
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
