@@ -9,6 +9,8 @@ from common.simulation.readings import SensorFacts
 BIAS_ACCEL_M_S2: Final = 0.04
 """Prior of a bias that was left in, a little wider than those of Table 5.4."""
 BIAS_YAW_RATE_DEG_S: Final = 0.3
+CALIBRATION_S: Final = 60.0
+"""Time at rest over which a calibration takes the mean of an IMU."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,20 +38,21 @@ class Assumed:
         position, velocity = self.start_position_m, self.start_velocity_m_s
         return position, position, velocity, velocity, math.radians(self.start_heading_deg)
 
-    @property
-    def facts(self) -> SensorFacts:
+    def facts(self, *, is_calibrated: bool) -> SensorFacts:
         """The same as a boat's file says it; a receiver's entry holds one number, so the mean of both axes.
 
-        Simulated biases are those of Table 5.4 at most and constant, and a simulated hull keeps its trim.
+        A calibrated IMU keeps what the mean of a minute at rest leaves of its biases, another one those of Table 5.4 at
+        most. Simulated biases are constant, and a simulated hull keeps its trim.
         """
+        left = 1.0 / math.sqrt(CALIBRATION_S)
         return SensorFacts(
             sigma_m=0.5 * (self.gps_east_m + self.gps_north_m),
             sigma_deg=self.compass_deg,
             accel_density=self.accel_density,
             gyro_density_deg=self.gyro_density_deg,
-            bias_accel_sigma_m_s2=BIAS_ACCEL_M_S2,
+            bias_accel_sigma_m_s2=self.accel_density * left if is_calibrated else BIAS_ACCEL_M_S2,
             bias_accel_walk_m_s2=0.0,
-            bias_yaw_rate_sigma_deg_s=BIAS_YAW_RATE_DEG_S,
+            bias_yaw_rate_sigma_deg_s=self.gyro_density_deg * left if is_calibrated else BIAS_YAW_RATE_DEG_S,
             bias_yaw_rate_walk_deg_s=0.0,
             tilt_leak_sigma_per_m=0.0,
         )

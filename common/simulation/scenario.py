@@ -12,6 +12,7 @@ from common.simulation.fields import STILL, VectorField
 from common.simulation.flaws import NO_FLAWS, Flaws
 from common.simulation.manoeuvres import Manoeuvres, follow
 from common.simulation.motion import Array, Mission, Place, Truth, sail
+from common.simulation.readings import SensorFacts
 from common.simulation.sensors import Phase, imu_bias
 from common.simulation.tables import REALISTIC, TABLE_5_4_BIAS, budget_m
 
@@ -60,6 +61,13 @@ class Scenario:
         """Whether the IMU's bias is left in its samples."""
         drawn = any(self.flaws.turn_on)
         return "full" if drawn or any(any(imu_bias(phase.errors)) for phase in self.phases) else "removed"
+
+    @property
+    def facts(self) -> SensorFacts:
+        """What a boat's file says of its sensors: an IMU is calibrated when its biases were removed and stay so."""
+        flaws = self.flaws
+        drifts = bool(flaws.accel_drift.density or flaws.gyro_drift_deg.density)
+        return self.assumed.facts(is_calibrated=self.bias == "removed" and not drifts)
 
     def truth(self) -> Truth:
         """Sail it: the same each time."""

@@ -36,7 +36,7 @@ def scenario_voyage(name: str, seed: int = 1, seconds: float | None = None, rate
         plane=scenario.plane,
         truth=truth,
         readings=tuple(readings),
-        facts=scenario.assumed.facts,
+        facts=scenario.facts,
         rates=rates,
     )
 

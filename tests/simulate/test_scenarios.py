@@ -10,7 +10,7 @@ from common.errors import WayfixError
 from common.simulation.motion import Mission
 from common.simulation.own import BUOYS
 from common.simulation.readings import FixReading, ImuReading
-from common.simulation.scenario import realistic, with_noise
+from common.simulation.scenario import realistic, with_bias, with_drift, with_noise
 from common.simulation.scenarios import SCENARIOS, find_scenario, scenario_voyage
 from common.simulation.tables import TABLE_4_1, TABLE_5_3, compat
 
@@ -83,11 +83,20 @@ def test_what_the_filters_are_told() -> None:
     assert find_scenario("5.2").assumed is TABLE_5_3
     assert (TABLE_5_3.gps_east_m, TABLE_5_3.gps_north_m, TABLE_5_3.compass_deg) == (6.0, 7.0, 0.5)
     # The boat's file has one number for both axes.
-    facts = TABLE_5_3.facts
+    facts = find_scenario("5.3").facts
     assert (facts.sigma_m, facts.sigma_deg, facts.accel_density, facts.gyro_density_deg) == (6.5, 0.5, 0.0039, 0.033)
     # P(1) of Eq. 4.39, variances in m^2, m^2/s^2 and deg^2.
     variances = np.square(TABLE_4_1.start_sigmas)
     assert [*variances[:4], math.degrees(math.sqrt(variances[4])) ** 2] == pytest.approx([1, 1, 0.01, 0.01, 0.25])
+
+
+def test_the_boats_file_is_sure_of_a_calibrated_imu_only() -> None:
+    scenario = find_scenario("5.3")
+    for other in (with_bias(scenario), with_drift(scenario), realistic(scenario), find_scenario("uncalibrated")):
+        assert (other.facts.bias_accel_sigma_m_s2, other.facts.bias_yaw_rate_sigma_deg_s) == (0.04, 0.3)
+    # The mean of a minute of white noise.
+    assert scenario.facts.bias_accel_sigma_m_s2 == pytest.approx(0.0039 / math.sqrt(60.0))
+    assert scenario.facts.bias_yaw_rate_sigma_deg_s == pytest.approx(0.033 / math.sqrt(60.0))
 
 
 def test_profile_compat_has_q_unsquared_and_in_4_3_and_4_4_the_true_r() -> None:

@@ -29,7 +29,7 @@ def demo(directory: Path, *arguments: str | Path, seconds: float = 300.0) -> dic
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     directory = tmp_path_factory.mktemp("demo")
-    return [demo(directory / str(seed), "--seed", str(seed), "--speed", "12") for seed in SEEDS]
+    return [demo(directory / str(seed), "--seed", str(seed), "--speed", "10") for seed in SEEDS]
 
 
 def test_no_frame_is_lost_on_any_seed(runs: list[dict[str, Any]]) -> None:
