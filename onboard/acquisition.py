@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
 from common.events import event
+from common.framer import Framer, Identity, Measurement
 from common.messages import ClockPair, Event, Frame, RawLine
 from common.sensors import BoatConfig, PortTable
 from common.settings import as_dict
@@ -21,9 +22,8 @@ from onboard.budget import ByteBudget
 from onboard.clockmap import ClockMap
 from onboard.config import byte_budget
 from onboard.devices import PortDecoder, make_driver, recognised
-from onboard.devices.base import Accepted, Ignored, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Ignored, Outcome, Rejected
 from onboard.devices.sentence import address
-from onboard.framer import Framer, Identity
 from onboard.health import SensorMonitor
 from onboard.lines import LineSplitter
 from onboard.wire import DamageWatch, Wire

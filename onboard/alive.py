@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from onboard.framer import Identity
+from common.framer import Identity
 
 _LINE: Final = re.compile(r"([0-9a-f]{32}) ([0-9a-f]{16}) (\d{20})\n")
 

@@ -6,9 +6,9 @@ One or two are a damaged date, a receiver just woken, or a board that was busy; 
 """
 
 from collections import deque
-from dataclasses import dataclass
 from typing import Final
 
+from common.framer import Utc
 from common.messages import ClockPair
 from common.units import NS_PER_MS, NS_PER_S
 
@@ -22,15 +22,6 @@ FIRST_BELIEVED: Final = 2
 """The same for the first mapping: a receiver's first date may be its default one."""
 _AGREE_NS: Final = STEP_NS // 2
 """Less than a second: the epochs that waited in a busy board share one arrival, and differ by a second each."""
-
-
-@dataclass(frozen=True, slots=True)
-class Utc:
-    """UTC of one boat time with its 1-sigma doubt and where it comes from."""
-
-    utc_ns: int | None
-    uncertainty_ns: int | None
-    source: str
 
 
 class ClockMap:

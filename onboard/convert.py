@@ -18,6 +18,7 @@ from common.clock import whole_us
 from common.codec import encode_frame
 from common.errors import WayfixError
 from common.events import event
+from common.framer import Identity
 from common.frames_file import FILE_FORMAT, is_frames_file, write_frames_file
 from common.messages import Frame
 from common.sensors import BoatConfig, BoatTable, PortTable
@@ -25,7 +26,6 @@ from common.settings import as_dict
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.acquisition import Acquisition, Tally
 from onboard.config import byte_budget, load
-from onboard.framer import Identity
 from onboard.recorded.found import port_budget, sensor_tables, sensors_in
 from onboard.recorded.recording import BAUDS, Paced, pace, read_recording
 

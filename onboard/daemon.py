@@ -11,12 +11,12 @@ from typing import Any, Final
 
 from common.clock import BoatClock, machine_clock_id
 from common.events import event, line_of
+from common.framer import Identity
 from common.messages import Event, Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S, NS_PER_US
 from onboard.acquisition import Acquisition, PortChain
 from onboard.alive import AliveMark
-from onboard.framer import Identity
 from onboard.notify import Notifier
 from onboard.ports import Port
 from onboard.server import Server

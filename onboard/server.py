@@ -20,9 +20,9 @@ from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.errors import CodecError, WayfixError
 from common.events import event
+from common.framer import merge
 from common.messages import SCHEMA_VERSION, Event, Frame
 from common.units import NS_PER_S
-from onboard.framer import merge
 
 log = logging.getLogger(__name__)
 

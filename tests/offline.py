@@ -7,14 +7,12 @@ from heapq import merge as in_order
 import numpy as np
 
 from common.angles import difference_deg
+from common.framer import Framer, Identity, ImuSample, Utc
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig
 from common.simulation.readings import FixReading, HeadingReading, Timed
 from common.simulation.voyage import Voyage
 from common.units import M_S_PER_KN, NS_PER_S
-from onboard.clockmap import Utc
-from onboard.devices.base import ImuSample
-from onboard.framer import Framer, Identity
 from onboard.virtual.files import boat_config
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Pipeline

@@ -6,7 +6,7 @@ A driver is pure: it takes a line and its time, returns values, reads no clock, 
 from dataclasses import dataclass
 from typing import Protocol
 
-from common.messages import AisLine, Attitude, ClockPair, Fix, Heading, RadarTarget, RawLine, TurnRate
+from common.framer import Measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,20 +18,6 @@ class Line:
     data: bytes
     end_ns: int | None = None
     """Boat time of the chunk that brought the line's end: 0.17 s later at 4800 baud; `None` = as `t_ns`."""
-
-
-@dataclass(frozen=True, slots=True)
-class ImuSample:
-    """One reading of an inertial unit, covering the interval that ends at `t_ns`; the framer gathers them."""
-
-    sensor: str
-    t_ns: int
-    accel_fwd_m_s2: float
-    accel_stb_m_s2: float
-    yaw_rate_deg_s: float
-
-
-Measurement = Fix | ImuSample | Heading | TurnRate | Attitude | ClockPair | AisLine | RadarTarget | RawLine
 
 
 @dataclass(frozen=True, slots=True)

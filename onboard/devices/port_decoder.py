@@ -6,7 +6,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
-from onboard.devices.base import Driver, Ignored, Line, Measurement, Outcome, Rejected
+from common.framer import Measurement
+from onboard.devices.base import Driver, Ignored, Line, Outcome, Rejected
 from onboard.devices.sentence import address, check_sentence, sentence_of
 
 log = logging.getLogger(__name__)

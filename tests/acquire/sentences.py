@@ -5,9 +5,10 @@ from operator import xor
 
 import pytest
 
+from common.framer import Measurement
 from common.messages import ClockPair, Fix, Heading
 from common.sensors import SensorTable
-from onboard.devices import Accepted, Line, Measurement, Outcome
+from onboard.devices import Accepted, Line, Outcome
 from tests.recordings import SHARED_DATA as DATA
 
 MS = 1_000_000

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.framer import ImuSample
 from common.messages import Attitude
-from onboard.devices import Accepted, Ignored, ImuSample, PortDecoder, Rejected, make_driver
+from onboard.devices import Accepted, Ignored, PortDecoder, Rejected, make_driver
 from tests.acquire.sentences import ARDUIMU, GGA, MS, compass, gps, imu, line, measured
 
 Matrix = list[list[float]]

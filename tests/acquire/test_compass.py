@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.framer import Measurement
 from common.messages import Attitude, Heading, TurnRate
-from onboard.devices import Accepted, Ignored, Line, Measurement, PortDecoder, Rejected, make_driver
+from onboard.devices import Accepted, Ignored, Line, PortDecoder, Rejected, make_driver
 from tests.acquire.sentences import MS, S, compass, heading, line, measured, recording, sealed
 
 MODELS = ("nmea", "hsc100", "tcm2", "hmr3000", "kvh-c100")

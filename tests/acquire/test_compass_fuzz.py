@@ -13,8 +13,9 @@ from operator import xor
 
 import pytest
 
+from common.framer import Measurement
 from common.messages import Attitude, Heading
-from onboard.devices import Accepted, Ignored, Line, Measurement, Outcome, PortDecoder, Rejected, make_driver
+from onboard.devices import Accepted, Ignored, Line, Outcome, PortDecoder, Rejected, make_driver
 from tests.acquire.mutations import DIGITS, exact
 from tests.acquire.sentences import S, compass, sealed
 

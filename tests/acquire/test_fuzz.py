@@ -13,8 +13,9 @@ import time
 from datetime import UTC, datetime
 from fractions import Fraction
 
+from common.framer import ImuSample, Measurement
 from common.messages import Attitude, ClockPair, Fix, Heading
-from onboard.devices import Accepted, Ignored, ImuSample, Measurement, PortDecoder, Rejected, make_driver
+from onboard.devices import Accepted, Ignored, PortDecoder, Rejected, make_driver
 from tests.acquire.mutations import exact, has_right_checksum, mutate, same, same_angle, time_of_day
 from tests.acquire.sentences import compass, gps, imu, line, sealed
 

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.framer import Measurement
 from common.messages import ClockPair, Fix, RawLine
-from onboard.devices import Accepted, Ignored, Line, Measurement, Rejected, make_driver
+from onboard.devices import Accepted, Ignored, Line, Rejected, make_driver
 from onboard.devices.fields import DAY_MS
 from onboard.lines import LineSplitter
 from tests.acquire.sentences import GGA, GSA, MS, RMC, S, fixes, gps, line, measured, pairs, sealed

@@ -5,11 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import WayfixError
+from common.framer import Measurement
 from onboard.devices import (
     Accepted,
     Ignored,
     Line,
-    Measurement,
     Outcome,
     PortDecoder,
     Rejected,

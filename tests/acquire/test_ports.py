@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from common.clock import BoatClock
+from common.framer import Identity
 from common.messages import Event
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
 from onboard.acquisition import Acquisition
-from onboard.framer import Identity
 from onboard.ports import Port, reason_of
 
 Pty = tuple[int, int, str]

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from common.clock import BoatClock, boottime_ns, machine_clock_id
+from common.framer import Identity
 from common.messages import Frame
 from common.units import NS_PER_S
 from onboard.alive import AliveMark, Gap, gap_of, line_of
 from onboard.config import load
 from onboard.daemon import Daemon
-from onboard.framer import Identity
 from tests.system.harness import Process, compass_config
 
 CLOCK = "0123456789abcdef" * 2

@@ -8,11 +8,12 @@ import re
 from typing import Final
 
 from common.clock import whole_us
+from common.framer import Measurement
 from common.messages import Attitude, Heading, TurnRate
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
 from onboard.devices import nmea
-from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Line, Outcome, Rejected
 from onboard.devices.compass import sentences
 from onboard.devices.compass.one_source import OneSource
 from onboard.devices.compass.sentences import AttitudeReading, Forms, HeadingReading, HprReading, TurnReading

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from common.clock import whole_us
+from common.framer import Measurement
 from common.messages import Attitude, Heading
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
 from onboard.devices import fields
-from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Line, Outcome, Rejected
 from onboard.devices.compass import sentences
 from onboard.devices.compass.driver import CompassDriver
 from onboard.devices.fields import FieldFault

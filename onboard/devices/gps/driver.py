@@ -10,11 +10,12 @@ time, or for quiet: of the epoch before or of the one after, by the longest paus
 from typing import Final
 
 from common.clock import whole_us
+from common.framer import Measurement
 from common.messages import ClockPair, RawLine
 from common.sensors import SensorTable
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices import nmea
-from onboard.devices.base import Accepted, Ignored, Line, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Ignored, Line, Outcome, Rejected
 from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, UntimedLine, epoch_of_each, fix_of
 from onboard.devices.gps.sentences import FORMS, Gsa, Rmc, Timed, Vtg, Zda
 from onboard.devices.sentence import address, check_sentence

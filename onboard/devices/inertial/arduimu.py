@@ -26,10 +26,11 @@ import re
 from typing import Final
 
 from common.clock import whole_us
+from common.framer import ImuSample, Measurement
 from common.messages import Attitude
 from common.sensors import SensorTable
 from common.units import NS_PER_MS, STANDARD_GRAVITY_M_S2
-from onboard.devices.base import Accepted, Ignored, ImuSample, Line, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Ignored, Line, Outcome, Rejected
 from onboard.devices.inertial import rotation
 from onboard.devices.inertial.rotation import Angles
 from onboard.devices.sentence import LONGEST_SENTENCE

@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from common.clock import whole_us
+from common.framer import Measurement
 from common.messages import TurnRate
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
 from onboard.devices import fields, nmea
-from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Line, Outcome, Rejected
 from onboard.devices.fields import FieldFault
 from onboard.devices.nmea import Form, Text
 from onboard.devices.sentence import check_sentence

@@ -15,10 +15,11 @@ import re
 from typing import Final
 
 from common.clock import whole_us
+from common.framer import Measurement
 from common.messages import AisLine
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
-from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Line, Outcome, Rejected
 from onboard.devices.sentence import LONGEST_SENTENCE, address, check_sentence, checksum
 
 FORMATTERS: Final = frozenset({"VDM", "VDO"})

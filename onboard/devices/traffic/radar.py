@@ -1,11 +1,12 @@
 """Radar target trackers that send TTM or TLL."""
 
 from common.clock import whole_us
+from common.framer import Measurement
 from common.messages import RadarTarget, RawLine
 from common.sensors import SensorTable
 from common.units import NS_PER_MS
 from onboard.devices import nmea
-from onboard.devices.base import Accepted, Line, Measurement, Outcome, Rejected
+from onboard.devices.base import Accepted, Line, Outcome, Rejected
 from onboard.devices.sentence import address, check_sentence
 from onboard.devices.traffic.sentences import FORMS, TargetReading
 

@@ -5,11 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.events import event
+from common.framer import Framer, Identity, ImuSample, Utc, merge
 from common.messages import Heading
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.clockmap import Utc
-from onboard.devices.base import ImuSample
-from onboard.framer import Framer, Identity, merge
 
 IDENTITY = Identity("boat", "0123456789abcdef", "clock", 1)
 NO_UTC = Utc(None, None, "none")

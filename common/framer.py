@@ -22,8 +22,29 @@ from common.messages import (
 )
 from common.sensors import LATE_IMU_S
 from common.units import NS_PER_S
-from onboard.clockmap import Utc
-from onboard.devices.base import ImuSample, Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSample:
+    """One reading of an inertial unit, covering the interval that ends at `t_ns`; the framer gathers them."""
+
+    sensor: str
+    t_ns: int
+    accel_fwd_m_s2: float
+    accel_stb_m_s2: float
+    yaw_rate_deg_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Utc:
+    """UTC of one boat time with its 1-sigma doubt and where it comes from."""
+
+    utc_ns: int | None
+    uncertainty_ns: int | None
+    source: str
+
+
+Measurement = Fix | ImuSample | Heading | TurnRate | Attitude | ClockPair | AisLine | RadarTarget | RawLine
 
 _LIST_OF: Final[dict[type, str]] = {
     Fix: "fixes",
