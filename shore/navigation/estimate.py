@@ -1,10 +1,13 @@
 """What a filter says, for people, logs and pages: degrees, knots, 1-sigma; plain numbers, never NaN."""
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from common.angles import heading_deg
 from common.geodesy import LocalPlane
@@ -61,8 +64,13 @@ class Estimate:
 
     def as_record(self) -> dict[str, Any]:
         """A plain dict for JSON."""
-        record = asdict(self)
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in record.items()}
+        record = {name: list(value) if isinstance(value, tuple) else value for name, value in _items(self)}
+        return record | {"channels": {channel: dict(_items(report)) for channel, report in self.channels.items()}}
+
+
+def _items(item: Estimate | ChannelReport) -> Iterator[tuple[str, Any]]:
+    """Names and values of its fields, in order."""
+    return ((name, getattr(item, name)) for name in item.__slots__)
 
 
 def estimate_of(
@@ -84,7 +92,7 @@ def estimate_of(
         filter=name,
         names=state.space.names,
         state=tuple(values),
-        covariance=tuple(state.P[np.triu_indices(len(values))].tolist()),
+        covariance=tuple(state.P.take(_upper_triangle(len(values))).tolist()),
         origin_lat_deg=plane.origin_lat_deg,
         origin_lon_deg=plane.origin_lon_deg,
         lat_deg=lat_deg,
@@ -100,6 +108,12 @@ def estimate_of(
         repairs=state.repairs,
         channels=_channels(state),
     )
+
+
+@cache
+def _upper_triangle(n: int) -> npt.NDArray[np.intp]:
+    """Places of the upper triangle in a matrix (n, n) that is read row by row."""
+    return np.flatnonzero(np.triu(np.ones((n, n))))
 
 
 def _channels(state: FilterState) -> dict[str, ChannelReport]:

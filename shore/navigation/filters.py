@@ -178,7 +178,7 @@ class Filter:
         noise = self.facts.free_noise if imu is None else with_trim(state.gaussian, self._driven(self.facts.imu_noise))
         predicted = self._predict(state.gaussian, dt_s, imu, noise)
         repairs = state.repairs + predicted.repairs
-        self._state = replace(state, x=predicted.x, P=predicted.P, repairs=repairs)
+        self._state = FilterState(state.space, predicted.x, predicted.P, state.noise, repairs, state.opening)
         return predicted
 
     def _fuse(self, measured: Measurement | Known) -> None:

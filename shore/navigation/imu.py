@@ -85,7 +85,7 @@ class ImuTrack:
         """Samples that were no plausible numbers."""
 
     def insert(self, block: ImuBlock, boot_id: str) -> tuple[int, int] | None:
-        """Take in a block in any order. Returns the time from which the track has changed and the block's last sample.
+        """Take in a block in any order. Returns the time after which the track has changed and the block's last sample.
 
         `None` when it is known already or changes nothing.
         """
@@ -97,17 +97,18 @@ class ImuTrack:
         self._blocks.insert(place, fresh)
         fresh.stretches = self._cover(place)
         lost_ns = self._cover_later(place + 1)
-        self._flatten()
+        self._flatten(place)
         if fresh.times_ns:
-            return (fresh.stretches[0].start_ns if fresh.stretches else fresh.times_ns[0]), fresh.times_ns[-1]
+            starts_ns = [stretch.start_ns for stretch in fresh.stretches[:1]]
+            return min([fresh.times_ns[0] - 1, *starts_ns]), fresh.times_ns[-1]
         return None if lost_ns is None else (lost_ns, fresh.end_ns)
 
     def forget_before(self, t_ns: int) -> None:
         """Drop blocks that ended before `t_ns`, except the newest of them."""
         old = sum(block.end_ns < t_ns for block in self._blocks) - 1
         if old > 0:
-            del self._blocks[:old]
-            self._flatten()
+            stretches = sum(len(block.stretches) for block in self._blocks[:old])
+            del self._blocks[:old], self._stretches[:stretches], self._ends_ns[:stretches]
 
     def steps(self, from_ns: int, to_ns: int) -> Iterator[Step]:
         """The predictions that lead from one time to a later one."""
@@ -146,9 +147,13 @@ class ImuTrack:
                 return (held_until_ns if until_ns is None else min(held_until_ns, until_ns)), held.imu
         return until_ns, None
 
-    def _flatten(self) -> None:
-        self._stretches = [stretch for block in self._blocks for stretch in block.stretches]
-        self._ends_ns = [stretch.end_ns for stretch in self._stretches]
+    def _flatten(self, place: int) -> None:
+        """Renew the list of all stretches after a block came to `place`, most often the last."""
+        if place < len(self._blocks) - 1:
+            self._stretches, self._ends_ns, place = [], [], 0
+        for block in self._blocks[place:]:
+            self._stretches += block.stretches
+            self._ends_ns += [stretch.end_ns for stretch in block.stretches]
 
     def _decode(self, block: ImuBlock, boot_id: str) -> _Block:
         """Samples in order of time."""

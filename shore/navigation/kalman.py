@@ -4,6 +4,7 @@ Letters: x state (..., n), P its covariance (..., n, n), F transition, Q process
 measured number, h its observation row, K gain. All functions return new arrays and leave their inputs alone.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -30,10 +31,15 @@ class Predicted(NamedTuple):
 
     x: Array
     P: Array
-    cross: Array
-    """Covariance between the state before and the state after, (..., n, n), for the smoother."""
+    covary: Callable[[], Array]
+    """Works out `cross`, which only the smoother needs."""
     repairs: int = 0
     """Factors of P that needed jitter."""
+
+    @property
+    def cross(self) -> Array:
+        """Covariance between the state before and the state after, (..., n, n)."""
+        return self.covary()
 
 
 def symmetric(P: Array) -> Array:
@@ -61,7 +67,7 @@ def _predicted(before: Gaussian, F: Array, dt_s: float, imu: ImuInput | None, no
     moved = move(space, x, dt_s, imu)
     Q = process_noise(space, middle_heading(x, moved), dt_s, noise)
     cross = P @ F.swapaxes(-1, -2)
-    return Predicted(wrap_heading(moved), symmetric(F @ cross + Q), cross)
+    return Predicted(wrap_heading(moved), symmetric(F @ cross + Q), lambda: cross)
 
 
 def wrap_heading(x: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from shore.navigation.numbers import Array, Number, column, part
+from shore.navigation.numbers import Array, Number, column, hypot, magnitude, part, sin_cos, tanh
 
 BASE_NAMES: Final = ("east_m", "north_m", "v_east_m_s", "v_north_m_s", "heading_rad")
 EAST, NORTH, V_EAST, V_NORTH, HEADING = range(len(BASE_NAMES))
@@ -84,7 +84,7 @@ class StateSpace:
         object.__setattr__(self, "extras", tuple(used))
         object.__setattr__(self, "names", (*BASE_NAMES, *(extra.name for extra in used)))
 
-    @property
+    @cached_property
     def size(self) -> int:
         """N."""
         return len(self.names)
@@ -102,6 +102,11 @@ class StateSpace:
     def walk_variances(self) -> Array:
         """Variance that each state's own random walk gains in a second, (n,)."""
         return np.array([0.0] * len(BASE_NAMES) + [extra.walk**2 for extra in self.extras])
+
+    @cached_property
+    def walks(self) -> tuple[tuple[int, float], ...]:
+        """(place, variance gained in a second) of the states that walk by themselves."""
+        return tuple((place, variance) for place, variance in enumerate(self.walk_variances.tolist()) if variance)
 
     @cached_property
     def limits(self) -> tuple[tuple[int, float], ...]:
@@ -150,15 +155,16 @@ def body_to_plane(fwd: Number, stb: Number, heading_rad: Number) -> tuple[Number
     east = sin(psi) fwd + cos(psi) stb; north = cos(psi) fwd - sin(psi) stb. Eq. 4.28 with x = East and a clockwise
     heading (as printed it is for x = North).
     """
-    sin, cos = np.sin(heading_rad), np.cos(heading_rad)
+    sin, cos = sin_cos(heading_rad)
     return sin * fwd + cos * stb, cos * fwd - sin * stb
 
 
 class _Drive(NamedTuple):
     """The input of a step with the biases of a state taken off, and what the Jacobian needs of it."""
 
-    middle: Number
-    """Heading at the middle of the step, rad."""
+    sin: Number
+    """Of the heading at the middle of the step."""
+    cos: Number
     turn: Number
     """Turn over the step, rad."""
     fwd: Number
@@ -179,38 +185,37 @@ def _drive(space: StateSpace, x: Array, dt_s: float, imu: ImuInput) -> _Drive:
     if gyro is not None:
         yaw_rate = yaw_rate - x[..., gyro]
     turn = yaw_rate * dt_s
-    middle = x[..., HEADING] + 0.5 * turn
+    sin, cos = sin_cos(x[..., HEADING] + 0.5 * turn)
     along: Number = 0.0
     lift: Number = 0.0
     if leak is not None:
-        along = _along(space, x, middle)
+        along = _along(space, x, sin, cos)
         lift = _lift(along)
         fwd = fwd - x[..., leak] * lift
     if fwd_bias is not None:
         fwd = fwd - x[..., fwd_bias]
     if stb_bias is not None:
         stb = stb - x[..., stb_bias]
-    return _Drive(middle, turn, fwd, stb, along, lift)
+    return _Drive(sin, cos, turn, fwd, stb, along, lift)
 
 
 def _lift(along: Number) -> Number:
     """L of a speed along the bow, m^2/s^2."""
-    lift: Number = LARGEST_LIFT_M2_S2 * np.tanh(along * np.abs(along) / LARGEST_LIFT_M2_S2)
-    return lift
+    return LARGEST_LIFT_M2_S2 * tanh(along * magnitude(along) / LARGEST_LIFT_M2_S2)
 
 
-def _along(space: StateSpace, x: Array, heading_rad: Number) -> Number:
-    """Speed through the water along the bow, m/s."""
-    v_east, v_north = x[..., V_EAST], x[..., V_NORTH]
+def _along(space: StateSpace, x: Array, sin: Number, cos: Number) -> Number:
+    """Speed through the water along a bow of this sine and cosine of its heading, m/s."""
+    v_east, v_north = part(x, V_EAST), part(x, V_NORTH)
     current_east, current_north = space.places[4:6]
     if current_east is not None and current_north is not None:
-        v_east, v_north = v_east - x[..., current_east], v_north - x[..., current_north]
-    return v_east * np.sin(heading_rad) + v_north * np.cos(heading_rad)
+        v_east, v_north = v_east - part(x, current_east), v_north - part(x, current_north)
+    return v_east * sin + v_north * cos
 
 
 def lift_of(space: StateSpace, x: Array) -> Number:
     """L of the tilt leak at states (..., n), m^2/s^2."""
-    return _lift(_along(space, x, part(x, HEADING)))
+    return _lift(_along(space, x, *sin_cos(part(x, HEADING))))
 
 
 Sloped = tuple[Number, dict[int, Number]]
@@ -220,7 +225,7 @@ Sloped = tuple[Number, dict[int, Number]]
 def through_water(space: StateSpace, x: Array) -> tuple[Sloped, Sloped]:
     """Speeds through the water of states (..., n), m/s: ahead and to starboard."""
     heading = part(x, HEADING)
-    sin, cos = np.sin(heading), np.cos(heading)
+    sin, cos = sin_cos(heading)
     v_east, v_north = part(x, V_EAST), part(x, V_NORTH)
     ahead: dict[int, Number] = {V_EAST: sin, V_NORTH: cos}
     starboard: dict[int, Number] = {V_EAST: cos, V_NORTH: -sin}
@@ -240,7 +245,7 @@ def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
     if leak is None:
         return noise
     trim = TRIM_UNREST * space.extras[leak - len(BASE_NAMES)].sigma * lift_of(space, x)
-    return noise._replace(accel_fwd=np.hypot(noise.accel_fwd, trim))
+    return ProcessNoise(hypot(noise.accel_fwd, trim), noise.accel_stb, noise.yaw_rate)
 
 
 def column_wise(x: Array, value: Number) -> bool:
@@ -259,13 +264,14 @@ def move(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Arra
     if imu is None:
         place += dt_s * velocity
         return moved
-    drive = _drive(space, x, dt_s, imu)
+    sin, cos, turn, fwd, stb, _, _ = _drive(space, x, dt_s, imu)
     gained = np.empty_like(velocity)
-    gained[..., 0], gained[..., 1] = body_to_plane(drive.fwd, drive.stb, drive.middle)
+    gained[..., 0] = sin * fwd + cos * stb
+    gained[..., 1] = cos * fwd - sin * stb
     gained *= dt_s
     place += dt_s * (velocity + 0.5 * gained)
     velocity += gained
-    moved[..., HEADING] += drive.turn
+    moved[..., HEADING] += turn
     return moved
 
 
@@ -278,8 +284,7 @@ def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> 
         return F
     gyro, fwd_bias, stb_bias, leak, current_east, current_north = space.places[:6]
     drive = _drive(space, x, dt_s, imu)
-    sin: Number = np.sin(drive.middle)
-    cos: Number = np.cos(drive.middle)
+    sin, cos = drive.sin, drive.cos
     a_east, a_north = sin * drive.fwd + cos * drive.stb, cos * drive.fwd - sin * drive.stb
     slope_east: dict[int, Any] = {HEADING: a_north}
     slope_north: dict[int, Any] = {HEADING: -a_east}
@@ -320,18 +325,24 @@ def process_noise(space: StateSpace, heading_rad: Number, dt_s: float, noise: Pr
     turned by the heading. At dt = 1 s and equal accelerations it is Eq. 4.29 with q squared; P grows alike at any rate.
     """
     fwd, stb = noise.accel_fwd**2 / dt_s, noise.accel_stb**2 / dt_s
-    sin, cos = np.sin(heading_rad), np.cos(heading_rad)
-    turned = np.empty((*sin.shape, 2, 2))
-    turned[..., 0, 0] = sin * sin * fwd + cos * cos * stb
-    turned[..., 1, 1] = cos * cos * fwd + sin * sin * stb
-    turned[..., 0, 1] = turned[..., 1, 0] = sin * cos * (fwd - stb)
-    Q = np.zeros((*sin.shape, space.size, space.size))
-    Q[..., _PLACE, _PLACE] = 0.25 * dt_s**4 * turned
-    Q[..., _PLACE, _VELOCITY] = Q[..., _VELOCITY, _PLACE] = 0.5 * dt_s**3 * turned
-    Q[..., _VELOCITY, _VELOCITY] = dt_s**2 * turned
+    sin, cos = sin_cos(heading_rad)
+    east = sin * sin * fwd + cos * cos * stb
+    north = cos * cos * fwd + sin * sin * stb
+    both = sin * cos * (fwd - stb)
+    Q = np.zeros((*np.shape(sin), space.size, space.size))
+    of_places, of_both, of_velocities = 0.25 * dt_s**4, 0.5 * dt_s**3, dt_s**2
+    for row, place, gained in (
+        (EAST, EAST, of_places),
+        (EAST, V_EAST, of_both),
+        (V_EAST, EAST, of_both),
+        (V_EAST, V_EAST, of_velocities),
+    ):
+        Q[..., row, place] = gained * east
+        Q[..., row + 1, place + 1] = gained * north
+        Q[..., row, place + 1] = Q[..., row + 1, place] = gained * both
     Q[..., HEADING, HEADING] = noise.yaw_rate**2 * dt_s
-    for place in range(len(BASE_NAMES), space.size):
-        Q[..., place, place] = space.walk_variances[place] * dt_s
+    for place, variance in space.walks:
+        Q[..., place, place] = variance * dt_s
     return Q
 
 

@@ -39,6 +39,11 @@ def larger(a: Number, b: Number) -> Number:
     return choose(b > a, b, a)
 
 
+def magnitude(value: Number) -> Number:
+    """The value without its sign."""
+    return np.abs(value) if isinstance(value, np.ndarray) else abs(value)
+
+
 def sqrt(value: Number) -> Number:
     """Square root of what is not negative."""
     return np.sqrt(value) if isinstance(value, np.ndarray) else math.sqrt(value)
@@ -52,6 +57,23 @@ def exp(value: Number) -> Number:
 def log(value: Number) -> Number:
     """Natural logarithm of what is positive."""
     return np.log(value) if isinstance(value, np.ndarray) else math.log(value)
+
+
+def sin_cos(angle_rad: Number) -> tuple[Number, Number]:
+    """Sine and cosine; numpy's, so that one boat has the same bits as in a batch."""
+    sin, cos = np.sin(angle_rad), np.cos(angle_rad)
+    return (sin, cos) if isinstance(angle_rad, np.ndarray) else (float(sin), float(cos))
+
+
+def tanh(value: Number) -> Number:
+    """Hyperbolic tangent; numpy's, as above."""
+    return np.tanh(value) if isinstance(value, np.ndarray) else float(np.tanh(value))
+
+
+def hypot(a: Number, b: Number) -> Number:
+    """Square root of a^2 + b^2; numpy's, as above."""
+    is_batch = isinstance(a, np.ndarray) or isinstance(b, np.ndarray)
+    return np.hypot(a, b) if is_batch else float(np.hypot(a, b))
 
 
 def wrapped(angle_rad: Number) -> Number:

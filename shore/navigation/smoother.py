@@ -58,18 +58,19 @@ class Link(NamedTuple):
 
 def link_of(before: FilterState, predicted: Predicted) -> Link:
     """The link of one prediction."""
-    E = _gain(predicted)
-    L = symmetric(before.P - E @ predicted.cross.swapaxes(-1, -2))
+    cross = predicted.cross
+    E = _gain(predicted.P, cross)
+    L = symmetric(before.P - E @ cross.swapaxes(-1, -2))
     return Link(before.x, E, L, predicted.x)
 
 
-def _gain(predicted: Predicted) -> Array:
+def _gain(P: Array, cross: Array) -> Array:
     """E = C P^-1, (..., n, n), by way of correlations, since metres and radians differ by orders of magnitude."""
-    diagonal = predicted.P.diagonal(axis1=-2, axis2=-1)
+    diagonal = P.diagonal(axis1=-2, axis2=-1)
     sigma = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     columns = sigma[..., np.newaxis, :]
-    correlation = predicted.P / (sigma[..., :, np.newaxis] * columns)
-    target = (predicted.cross / columns).swapaxes(-1, -2)
+    correlation = P / (sigma[..., :, np.newaxis] * columns)
+    target = (cross / columns).swapaxes(-1, -2)
     try:
         solved = np.linalg.solve(correlation, target)
     except np.linalg.LinAlgError:  # a state that is known, or two that are one

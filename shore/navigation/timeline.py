@@ -108,9 +108,9 @@ class Timeline:
         changed = self._imu.insert(block, batch.boot_id)
         if changed is None:
             return None
-        changed_from, end_ns = changed
+        changed_after_ns, end_ns = changed
         self._add(end_ns, _TICK, block.sensor, None)
-        return changed_from
+        return min(changed_after_ns + 1, end_ns)
 
     def _add(self, t_ns: int, kind: int, sensor: str, measured: Measurement | None) -> None:
         self._arrivals += 1

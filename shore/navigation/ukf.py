@@ -32,6 +32,13 @@ def weights(n: int) -> tuple[Array, Array, float]:
     return mean_weights, cov_weights, math.sqrt(n + lam)
 
 
+@cache
+def _directions(n: int) -> Array:
+    """Of the sigma points from the mean in steps of the factor's columns, (2n+1, n)."""
+    spread = weights(n)[2]
+    return np.vstack((np.zeros(n), spread * np.eye(n), -spread * np.eye(n)))
+
+
 def factor(P: Array) -> tuple[Array, int]:
     """Lower Cholesky factor of P and 0, or of P with its variances raised by the least jitter that works, and 1.
 
@@ -59,13 +66,7 @@ def _repaired(P: Array) -> Array:
 
 def sigma_points(x: Array, L: Array) -> Array:
     """The 2n+1 points, shape (..., 2n+1, n), one per row: x, x + spread L_i, x - spread L_i (Eqs 4.45-4.47)."""
-    n = x.shape[-1]
-    offsets = weights(n)[2] * L.swapaxes(-1, -2)
-    points = np.empty((*x.shape[:-1], 2 * n + 1, n))
-    points[..., 0, :] = x
-    centre = x[..., np.newaxis, :]
-    np.add(centre, offsets, out=points[..., 1 : n + 1, :])
-    np.subtract(centre, offsets, out=points[..., n + 1 :, :])
+    points: Array = x[..., np.newaxis, :] + _directions(x.shape[-1]) @ L.swapaxes(-1, -2)
     return points
 
 
@@ -84,5 +85,9 @@ def predict_unscented(before: Gaussian, dt_s: float, imu: ImuInput | None, noise
     apart = points - mean[..., np.newaxis, :]
     Q = process_noise(space, middle_heading(x, mean), dt_s, noise)
     scatter = (apart.swapaxes(-1, -2) * cov_weights) @ apart
-    cross = (spread * cov_weights[1]) * (L @ (apart[..., 1 : n + 1, :] - apart[..., n + 1 :, :]))
+
+    def cross() -> Array:
+        both: Array = L @ (apart[..., 1 : n + 1, :] - apart[..., n + 1 :, :])
+        return (spread * float(cov_weights[1])) * both
+
     return Predicted(wrap_heading(mean), symmetric(scatter + Q), cross, repairs)

@@ -60,7 +60,7 @@ def predict_exactly(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: 
     spread += q * B @ B.T
     spread[4, 4] += float(noise.yaw_rate) ** 2 * dt_s
     mean[4] = wrapped(float(mean[4]))
-    return Predicted(mean, 0.5 * (spread + spread.T), np.zeros((5, 5)))
+    return Predicted(mean, 0.5 * (spread + spread.T), lambda: np.zeros((5, 5)))
 
 
 def augmented(*, through_motion: bool) -> Predict:
@@ -95,7 +95,7 @@ def augmented(*, through_motion: bool) -> Predict:
         apart = points - mean
         spread = apart.T @ (np.array([2.0] + [each] * 2 * n)[:, np.newaxis] * apart)
         mean[4] = wrapped(float(mean[4]))
-        return Predicted(mean, 0.5 * (spread + spread.T), np.zeros((5, 5)))
+        return Predicted(mean, 0.5 * (spread + spread.T), lambda: np.zeros((5, 5)))
 
     return predict
 

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -80,6 +80,8 @@ def play_on(frames: list[Frame], order: list[int], following: Frame) -> list[Est
 def test_records_are_plain_json(short_voyage: list[Frame]) -> None:
     estimates, _ = play(Pipeline(BOAT, ("fuzzy",)), short_voyage[:60])
     record = estimates[-1].as_record()
+    assert list(record) == list(asdict(estimates[-1]))
+    assert record["channels"] == asdict(estimates[-1])["channels"]
     assert json.loads(json.dumps(record, allow_nan=False)) == record
 
     def leaves(value: Any) -> list[Any]:

@@ -12,6 +12,7 @@ from common.sensors import BoatConfig, SensorTable
 from shore.navigation.bank import Bank, Batch, Moment
 from shore.navigation.filters import FilterFacts, build_filter, facts_of
 from shore.navigation.imu import ImuTrack
+from shore.navigation.kalman import Predicted
 from shore.navigation.measurements import Measurement, Position, TrueHeading
 from shore.navigation.models import ImuInput
 from shore.navigation.synchronous import Synchronous
@@ -188,6 +189,28 @@ def test_order_of_arrival_does_not_matter(
     end_ns = batches[-1].t1_ns
     assert len(state_of(straight.at(end_ns)).x) == size
     assert apart(straight.at(end_ns), shuffled.at(end_ns)) < 1e-9
+
+
+def test_a_block_in_its_place_is_predicted_once(
+    short_voyage: list[Frame], bank_of: BankOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames of two samples, nothing late: the two and the rest of the frame, nothing of the frames before."""
+    bank = bank_of("ukf")
+    predict = bank.filters[0].predict
+    steps: list[float] = []
+
+    def counted(dt_s: float, imu: ImuInput | None) -> Predicted:
+        steps.append(dt_s)
+        return predict(dt_s, imu)
+
+    monkeypatch.setattr(bank.filters[0], "predict", counted)
+    timeline = Timeline(bank, ImuTrack(IMU))
+    for batch in map(batch_of, short_voyage[:40]):
+        timeline.push(batch)
+    for batch in map(batch_of, short_voyage[40:60]):
+        steps.clear()
+        timeline.push(batch._replace(measurements=()))
+        assert steps == pytest.approx([0.05] * 3)
 
 
 def test_a_late_fix_counts_at_its_own_time(bank_of: BankOf) -> None:
