@@ -6,13 +6,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
 FAST := -m "not slow"
+# Tests without clock, process or port of their own run on all cores, one after the other would take twice as long.
+PURE := $(addprefix tests/,acquire lab layout messages navigate simulate)
+REAL := $(addprefix --ignore=,$(PURE))
 
-.PHONY: demo test test-slow soak nightly loopback lint check-python clean help
+.PHONY: demo test test-slow golden soak nightly loopback lint check-python clean help
 
 help:
 	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
 	@echo "make test       lint, types, import rules and the fast tests"
 	@echo "make test-slow  whole runs, link faults, statistics, Debian 12's own libraries, a real systemd"
+	@echo "make golden     replay the golden cases and write what they give now; read the difference (tests/golden)"
 	@echo "make soak       hours, by hand; figures go to benchmarks/"
 	@echo "make nightly    the daemon on emulated ARM (armhf, arm64) with Debian's packages; as root"
 	@echo "make loopback   fake serial ports -> daemon -> socket -> filter -> log"
@@ -41,10 +45,15 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/lint-imports
 
 test: lint
-	$(BIN)/pytest $(FAST)
+	$(BIN)/pytest $(FAST) -n auto $(PURE)
+	$(BIN)/pytest $(FAST) $(REAL)
 
 test-slow: $(VENV)/dev.stamp
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow -n auto $(PURE)
+	$(BIN)/pytest -m slow $(REAL)
+
+golden: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.golden.refresh
 
 loopback: $(VENV)/dev.stamp
 	$(BIN)/pytest tests/system/test_loopback.py

@@ -7,7 +7,6 @@ length are read frame by frame; one that was cut is read up to the cut.
 import os
 import stat
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Self
@@ -18,6 +17,7 @@ from common import session
 from common.codec import MAX_FRAME_BYTES
 from common.errors import CodecError, WayfixError
 from common.messages import SCHEMA_VERSION
+from common.whole_file import whole_file
 
 FILE_FORMAT: Final = 1
 """In the greeting's `file.format`; raised when an old reader could misread a new file."""
@@ -42,21 +42,12 @@ def write_frames_file(path: Path, greeting: dict[str, Any], frames: Iterable[byt
     The file appears under its name when it is whole; whatever had that name is replaced then. Raises OSError and
     whatever `frames` raises; nothing is left behind in that case.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     count = 0
-    try:
-        with partial.open("xb") as stream:
-            stream.write(session.pack("connected", schema=SCHEMA_VERSION, **greeting))
-            for frame in frames:
-                stream.write(frame)
-                count += 1
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            partial.unlink()
-        raise
+    with whole_file(path) as stream:
+        stream.write(session.pack("connected", schema=SCHEMA_VERSION, **greeting))
+        for frame in frames:
+            stream.write(frame)
+            count += 1
     return count
 
 

@@ -19,6 +19,7 @@ from common.settings import convert
 from common.units import NS_PER_S
 from shore.link import Link, Received
 from shore.logbook.record import LogWriter
+from shore.logbook.session import start_record
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Pipeline
 from shore.status import StatusLine
@@ -38,6 +39,8 @@ class Options:
     period_s: float | None = None
     step_s: float | None = None
     log_dir: Path | None = None
+    trip: dict[str, Any] | None = None
+    """What a person calls it (`trip_record`)."""
 
 
 @dataclass(slots=True)
@@ -146,6 +149,8 @@ class LiveRun:
         next_second_ns = boottime_ns() + NS_PER_S
         try:
             self._write_session()
+            if (trip := self._options.trip) is not None:
+                self._recorder.write(lambda writer: writer.write_session(trip, time.time_ns()))
             for sensor in self.connected.get("sensors", []):
                 reason = f": {sensor['reason']}" if sensor.get("reason") else ""
                 self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
@@ -261,7 +266,7 @@ class LiveRun:
             "period_s": self._options.period_s,
         }
         now_ns = time.time_ns()
-        record = {"kind": "start", "options": asked, "connected": self.connected, "utc_ns": now_ns}
+        record = start_record(self.connected, asked, now_ns)
         self._recorder.write(lambda writer: writer.write_session(record, now_ns))
 
     def _summary(self) -> dict[str, Any]:

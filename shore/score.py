@@ -5,7 +5,10 @@ fixes and headings at theirs; the reference is interpolated, never extrapolated.
 """
 
 import csv
+from array import array
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,6 +32,9 @@ LONGEST_GAP_S: Final = 2.0
 """Over a longer hole the reference is not interpolated: nothing is known there."""
 LATE_SHARE: Final = 0.75
 """The last quarter begins after this share of the scored time."""
+POSITION_CHANNELS: Final = (".east", ".north")
+FIGURES: Final = ("nis_position", "nis_heading", "sigma_m", "sigma_deg")
+"""Of `Consistency`."""
 
 
 class Reference:
@@ -110,10 +116,10 @@ def _number(row: dict[str, str], name: str, path: Path, line: int) -> float:
 
 @dataclass(slots=True)
 class Errors:
-    """Times and errors of one source."""
+    """Times and errors of one source: 16 bytes a value."""
 
-    t_ns: list[int] = field(default_factory=list)
-    error: list[float] = field(default_factory=list)
+    t_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    error: "array[float]" = field(default_factory=lambda: array("d"))
 
     def add(self, t_ns: int, error: float) -> None:
         """One scored value."""
@@ -122,8 +128,8 @@ class Errors:
 
     def rms(self, from_ns: float = 0.0) -> float | None:
         """Root mean square from boat time `from_ns` on; None without values."""
-        values = [error for t_ns, error in zip(self.t_ns, self.error, strict=True) if t_ns >= from_ns]
-        return float(np.sqrt(np.mean(np.square(values)))) if values else None
+        values = np.asarray(self.error)[np.asarray(self.t_ns) >= from_ns]
+        return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
 
 
 class Score:
@@ -151,8 +157,9 @@ class Score:
 
     def summary(self) -> dict[str, dict[str, float | None]]:
         """RMS tables: whole run and last quarter, rounded to 0.1 mm and 0.0001 deg."""
-        times = [t_ns for errors in self.position.values() for t_ns in errors.t_ns]
-        late_ns = min(times) + LATE_SHARE * (max(times) - min(times)) if times else 0.0
+        spans = [(min(errors.t_ns), max(errors.t_ns)) for errors in self.position.values() if errors.t_ns]
+        first_ns, last_ns = min((low for low, _ in spans), default=0), max((high for _, high in spans), default=0)
+        late_ns = first_ns + LATE_SHARE * (last_ns - first_ns)
         return {
             "position_rms_m": _rounded(self.position, 0.0),
             "heading_rms_deg": _rounded(self.heading, 0.0),
@@ -171,22 +178,30 @@ class Score:
         if truth is not None:
             self.heading.setdefault(name, Errors()).add(t_ns, difference_deg(heading_true_deg, truth[2]))
 
+    def check(self, reference: Path) -> None:
+        """After the last value: raises WayfixError when nothing could be scored."""
+        if not any(errors.t_ns for errors in self.position.values()):
+            cure = "give the track of the same trip, with t_s from its first frame or t_ns on the boat clock"
+            raise WayfixError("does not overlap with the log in time", str(reference), cure)
+
 
 def _rounded(sources: dict[str, Errors], from_ns: float) -> dict[str, float | None]:
     values = {name: errors.rms(from_ns) for name, errors in sources.items()}
     return {name: None if value is None else round(value, 4) for name, value in values.items()}
 
 
-def score_of(reference: Path, config: BoatConfig, frames: list[Frame], estimates: list[dict[str, Any]]) -> Score:
-    """Score frames and estimate records against a reference file; raises WayfixError."""
-    score = Score(read_reference(reference, frames[0].t0_ns), config)
-    for frame in frames:
+def score_of(
+    reference: Path, config: BoatConfig, frames: Iterable[Frame], estimates: Iterable[dict[str, Any]]
+) -> Score:
+    """Score frames and estimate records, each gone through once, against a reference file; raises WayfixError."""
+    frames = iter(frames)
+    first = next(frames)
+    score = Score(read_reference(reference, first.t0_ns), config)
+    for frame in chain((first,), frames):
         score.take_frame(frame)
     for record in estimates:
         score.take_estimate(record)
-    if not any(errors.t_ns for errors in score.position.values()):
-        cure = "give the track of the same trip, with t_s from its first frame or t_ns on the boat clock"
-        raise WayfixError("does not overlap with the log in time", str(reference), cure)
+    score.check(reference)
     return score
 
 
@@ -201,4 +216,59 @@ def score_table(summary: dict[str, Any]) -> str:
         cells = [column.get(name) for column in columns]
         texts = ["" if cell is None else f"{cell:.2f}" for cell in cells]
         lines.append(f"{name:14}{texts[0]:>11}{texts[1]:>11}{texts[2]:>13}{texts[3]:>11}")
+    return "\n".join(lines)
+
+
+class Consistency:
+    """How well each filter's own doubt fits what it is told, without any reference: NIS and sigma."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, dict[str, tuple[float, int]]] = {}
+        """filter -> figure -> sum, count."""
+        self._last: dict[tuple[str, str], float] = {}
+        """(filter, channel) -> NIS of its newest update."""
+
+    def take(self, record: dict[str, Any]) -> None:
+        """One estimate (`Estimate.as_record`); one that is not aligned counts for nothing."""
+        if not record["aligned"]:
+            return
+        name = record["filter"]
+        self._add(name, "sigma_m", float(np.hypot(record["sigma_east_m"], record["sigma_north_m"])))
+        self._add(name, "sigma_deg", record["sigma_heading_deg"])
+        for channel, report in record["channels"].items():
+            nis = report["nis"]
+            if nis is not None and self._last.get((name, channel)) != nis:
+                self._last[name, channel] = nis
+                self._add(name, "nis_position" if channel.endswith(POSITION_CHANNELS) else "nis_heading", nis)
+
+    def summary(self) -> dict[str, dict[str, float | int | None]]:
+        """For each filter: mean NIS per dimension (1 = its doubt fits), mean 1-sigma, aligned estimates."""
+        return {
+            name: {
+                **{figure: _mean(sums.get(figure)) for figure in FIGURES},
+                "aligned": sums["sigma_m"][1],
+            }
+            for name, sums in self._sums.items()
+        }
+
+    def _add(self, name: str, figure: str, value: float) -> None:
+        sums = self._sums.setdefault(name, {})
+        total, count = sums.get(figure, (0.0, 0))
+        sums[figure] = total + value, count + 1
+
+
+def _mean(summed: tuple[float, int] | None) -> float | None:
+    return None if summed is None else round(summed[0] / summed[1], 4)
+
+
+def consistency_table(summary: dict[str, dict[str, float | int | None]]) -> str:
+    """The short table a person reads."""
+    lines = [
+        f"{'':14}{'NIS per dimension':>22}{'mean 1-sigma':>24}",
+        f"{'':14}{'position':>11}{'heading':>11}{'m':>13}{'deg':>11}{'aligned':>11}",
+    ]
+    for name, figures in summary.items():
+        texts = ["" if (value := figures[figure]) is None else f"{value:.2f}" for figure in FIGURES]
+        cells = f"{texts[0]:>11}{texts[1]:>11}{texts[2]:>13}{texts[3]:>11}"
+        lines.append(f"{name:14}{cells}{figures['aligned']:>11}")
     return "\n".join(lines)

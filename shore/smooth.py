@@ -6,8 +6,9 @@ what the timeline's order ends in, without its rewinding.
 
 import csv
 from bisect import bisect_left
+from codecs import getwriter
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 from typing import Final
@@ -16,6 +17,7 @@ from common.errors import WayfixError
 from common.messages import Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S
+from common.whole_file import whole_file
 from shore.navigation.bank import Bank, Batch
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filters import FilterState, facts_of
@@ -90,7 +92,7 @@ class _Run(Timeline):
         for index in range(len(batch.blocks)):
             self._insert_block(index, batch)
         self._add(frame.t1_ns, _END, "", None)
-        self._ends.append(frame)
+        self._ends.append(_bare(frame))
         self._settle(frame.t1_ns - HORIZON_NS)
 
     def finish(self) -> list[Estimate]:
@@ -133,23 +135,31 @@ class _Run(Timeline):
         self._kept.clear()
 
 
-def check_target(path: Path, inputs: Iterable[Path]) -> None:
-    """Before the work: raises WayfixError when a track cannot be written there, or would take the place of an input."""
-    cure = "choose another --smooth file"
-    if any(given.exists() and path.exists() and path.samefile(given) for given in inputs):
-        raise WayfixError("is what is read, it would be lost", str(path), cure)
-    if path.is_dir() or not path.absolute().parent.is_dir():
-        raise WayfixError("cannot be written (no such directory, or one itself)", str(path), cure)
+def _bare(frame: Frame) -> Frame:
+    """Identity and times, without what was measured: as many stay in memory as the log has frames."""
+    return Frame(
+        boat_id=frame.boat_id,
+        boot_id=frame.boot_id,
+        seq=frame.seq,
+        clock_id=frame.clock_id,
+        start_no=frame.start_no,
+        t0_ns=frame.t0_ns,
+        t1_ns=frame.t1_ns,
+    )
 
 
-def write_track(path: Path, estimates: Sequence[Estimate]) -> None:
-    """Write `COLUMNS`; t_s from the first row. Raises WayfixError when the file cannot be written."""
+def write_track(path: Path, estimates: Iterable[Estimate]) -> int:
+    """Write `COLUMNS`, t_s from the first row; how many. Raises WayfixError when the file cannot be written."""
+    count, first_ns = 0, None
     try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
+        with whole_file(path) as file:
+            writer = csv.writer(getwriter("utf-8")(file))
             writer.writerow(COLUMNS)
             for estimate in estimates:
-                t_s = (estimate.t_ns - estimates[0].t_ns) / NS_PER_S
+                count += 1
+                first_ns = estimate.t_ns if first_ns is None else first_ns
+                t_s = (estimate.t_ns - first_ns) / NS_PER_S
                 writer.writerow([t_s, *(getattr(estimate, column) for column in COLUMNS[1:])])
     except OSError as error:
         raise WayfixError(f"cannot be written ({error.strerror})", str(path), "choose another --smooth file") from error
+    return count

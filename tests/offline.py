@@ -1,12 +1,13 @@
 """A voyage through framer and pipeline in this process: no ports, no sockets, no waiting."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from heapq import merge as in_order
 
 import numpy as np
 
 from common.angles import difference_deg
+from common.codec import decode_frame, encode_frame
 from common.framer import Framer, Identity, ImuSample, Utc
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig
@@ -15,7 +16,7 @@ from common.simulation.voyage import Voyage
 from common.units import M_S_PER_KN, NS_PER_S
 from onboard.virtual.files import boat_config
 from shore.navigation.estimate import Estimate
-from shore.pipeline import Pipeline
+from shore.pipeline import Output, Pipeline
 
 FRAME_NS = NS_PER_S // 10
 START_NS = 1000 * NS_PER_S
@@ -104,3 +105,11 @@ def _errors(voyage: Voyage, estimates: list[Estimate]) -> Errors:
     ]
     distance = np.hypot(places[:, 0] - east, places[:, 1] - north)
     return Errors(times[inside], distance[inside], np.array(wrong_deg)[inside])
+
+
+def pushed(pipeline: Pipeline, frames: Iterable[Frame]) -> Iterator[tuple[bytes, Frame, Output]]:
+    """Each frame as it travels, as it arrives, and what it led to."""
+    for sent in frames:
+        data = encode_frame(sent)
+        frame = decode_frame(data)
+        yield data, frame, pipeline.push(frame)

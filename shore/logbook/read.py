@@ -1,31 +1,31 @@
-"""Read a log in file order, which is the order of arrival; a cut file gives everything up to its last whole chunk.
+"""Read a log in file order, which is the order of arrival, whatever has happened to the file.
 
     reader = read_log(Path("20261122T140055Z-springer.mcap"))
     for data in reader.frames(): ...
     if reader.damage: print(reader.damage)
 
-The index is never used: a file left by a crash has none, and file order is what replay needs.
+A cut log gives everything up to its last whole chunk, a damaged one all chunks whose checksum holds (`scan.py`).
 """
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
 from pathlib import Path
-from typing import Any, BinaryIO, Final
-
-from mcap.records import Channel, Footer, Message
-from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC
+from typing import Any, BinaryIO, Final, NamedTuple
 
 from common.errors import WayfixError
+from shore.logbook.damage import Flaw, Loss, sentence
+from shore.logbook.foxglove import event_of
+from shore.logbook.lock import is_being_written
+from shore.logbook.mcap_records import MAGIC
+from shore.logbook.scan import Scan
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
+from shore.logbook.walk import Item
 
-_RECORD_LIMIT: Final = 256 * 2**20
-"""Bytes; the writer's chunks are about 1 MiB, so a longer one is a damaged length."""
+_BUFFER: Final = 2**18
 
 
-@dataclass(frozen=True, slots=True)
-class LogRecord:
+class LogRecord(NamedTuple):
     """One message of a log."""
 
     topic: str
@@ -47,51 +47,73 @@ class LogReader:
     def __init__(self, path: Path) -> None:
         """Raises WayfixError when the file is missing, empty or no MCAP file."""
         self.path = path
-        self.damage: str | None = None
-        """Why the log ends early; `None` while nothing is known against it. Complete after any full pass."""
-        try:
-            with path.open("rb") as stream:
-                self._check(stream)
-        except OSError as error:
-            raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give the path of a log file") from error
+        self.is_being_written = is_being_written(path)
+        """Another program holds the lock of a writer on it."""
+        self._scan: Scan | None = None
+        """The newest pass that came to its end."""
+        with self._opened() as stream:
+            self._looks_closed = self._check(stream)
 
-    def _check(self, stream: BinaryIO) -> None:
-        head = stream.read(len(MCAP0_MAGIC))
-        if not head:
-            raise WayfixError("the file is empty", str(self.path), "nothing was recorded")
-        if not MCAP0_MAGIC.startswith(head):
-            raise WayfixError("not an MCAP log", str(self.path), "other files are read with `wayfix import`")
-        size = stream.seek(0, 2)
-        stream.seek(max(0, size - len(MCAP0_MAGIC)))
-        if size < 2 * len(MCAP0_MAGIC) or stream.read() != MCAP0_MAGIC:
-            self.damage = "the log was not closed (crash, power cut, or still being written)"
+    @property
+    def damage(self) -> str | None:
+        """What is wrong with the file, in a sentence; `None` while nothing is known. Complete after any full pass."""
+        if self._scan is None:
+            if self._looks_closed:
+                return None
+            if self.is_being_written:
+                return "the log is being written right now"
+            return "the log was not closed (crash or power cut)"
+        scan = self._scan
+        return sentence(scan.losses, scan.flaws, scan.cut, is_being_written=self.is_being_written)
+
+    @property
+    def losses(self) -> tuple[Loss, ...]:
+        """Stretches without their records, in file order, the cut end last. Complete after any full pass.
+
+        The end of a log that is being written is none.
+        """
+        if self._scan is None:
+            return ()
+        cut = (self._scan.cut,) if self._scan.cut is not None and not self.is_being_written else ()
+        return (*self._scan.losses, *cut)
+
+    @property
+    def flaws(self) -> tuple[Flaw, ...]:
+        """Damage that costs no record. Complete after any full pass."""
+        return tuple(self._scan.flaws) if self._scan is not None else ()
+
+    @property
+    def is_cut(self) -> bool:
+        """The log was not closed, and nobody is writing it. Complete after any full pass."""
+        if self._scan is None:
+            return not self._looks_closed and not self.is_being_written
+        return self._scan.cut is not None and not self.is_being_written
 
     def records(self, *topics: str) -> Iterator[LogRecord]:
-        """Records in file order, all or those of `topics`; ends quietly where the file is damaged and sets `damage`."""
-        channels: dict[int, str] = {}
-        with self.path.open("rb") as stream:
-            for record in self._whole_records(stream):
-                if isinstance(record, Channel):
-                    channels[record.id] = record.topic
-                elif isinstance(record, Message):
-                    topic = channels.get(record.channel_id, "")
-                    if not topics or topic in topics:
-                        yield LogRecord(topic, record.data, record.log_time, record.publish_time)
+        """Records in file order, all or those of `topics`. Raises WayfixError when the disk itself fails."""
+        with closing(self.items()) as items:
+            for item in items:
+                if isinstance(item, tuple):
+                    channel, _, log_time_ns, publish_time_ns, data = item
+                    if channel is not None and (not topics or channel.topic in topics):
+                        yield LogRecord(channel.topic, data, log_time_ns, publish_time_ns)
 
-    def _whole_records(self, stream: BinaryIO) -> Iterator[object]:
-        records = StreamReader(stream, validate_crcs=True, record_size_limit=_RECORD_LIMIT).records
-        while True:
+    def items(self, progress: Callable[[Scan], None] | None = None, *, check_index: bool = False) -> Generator[Item]:
+        """Messages, metadata and attachments as the scan gives them. progress: called now and then."""
+        with self._opened() as stream:
             try:
-                record = next(records)
-            except StopIteration:
-                return
-            except Exception as error:  # a cut or damaged file makes the library raise nearly anything
-                if self.damage is None:
-                    self.damage = f"damaged before byte {stream.tell()} ({type(error).__name__}), read up to there"
-                return
-            yield record
-            if isinstance(record, Footer):
-                return
+                scan = Scan(stream, check_index=check_index)
+                for count, item in enumerate(scan.items()):
+                    if progress is not None and count % 1024 == 0:
+                        progress(scan)
+                    yield item
+            except OSError as error:
+                raise self._unreadable(error) from error
+        if scan.cut is not None and not self.is_being_written:
+            self.is_being_written = is_being_written(self.path)
+        self._scan = scan
+        if progress is not None:
+            progress(scan)
 
     def frames(self) -> Iterator[bytes]:
         """The frames' bytes as they were received, in order of arrival."""
@@ -104,12 +126,37 @@ class LogReader:
                 yield record.json()
 
     def events(self) -> Iterator[dict[str, Any]]:
-        """Events of both sides."""
-        return (record.json() for record in self.records(EVENTS))
+        """Events of both sides, with the fields of `Event`."""
+        return (event_of(record.json()) for record in self.records(EVENTS))
 
     def session(self) -> Iterator[dict[str, Any]]:
-        """Session records: `kind` start (configuration, versions, filters, options), operator actions, end."""
+        """Session records: `kind` start (configuration, versions, filters, options), trip, operator, end, summary."""
         return (record.json() for record in self.records(SESSION))
+
+    def _opened(self) -> BinaryIO:
+        try:
+            return self.path.open("rb", buffering=_BUFFER)
+        except OSError as error:
+            raise self._unreadable(error) from error
+
+    def _unreadable(self, error: OSError) -> WayfixError:
+        cure = "give the path of a log file" if self._scan is None else "copy the file to a sound disk first"
+        return WayfixError(f"cannot be read ({error.strerror})", str(self.path), cure)
+
+    def _check(self, stream: BinaryIO) -> bool:
+        """Whether it ends like a closed log."""
+        try:
+            head = stream.read(len(MAGIC))
+            size = stream.seek(0, 2)
+            stream.seek(max(0, size - len(MAGIC)))
+            foot = stream.read()
+        except OSError as error:
+            raise self._unreadable(error) from error
+        if not head:
+            raise WayfixError("the file is empty", str(self.path), "nothing was recorded")
+        if not MAGIC.startswith(head):
+            raise WayfixError("not an MCAP log", str(self.path), "other files are read with `wayfix import`")
+        return size >= 2 * len(MAGIC) and foot == MAGIC
 
 
 def read_log(path: str | Path) -> LogReader:

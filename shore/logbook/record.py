@@ -1,6 +1,6 @@
 """Write the log of one session: an MCAP file that is readable up to the last `sync()`, whatever happens.
 
-    writer = LogWriter(Path("logs"), "springer", utc_ns)
+    writer = LogWriter(Path("logs"), "springer", utc_ns)     # or LogWriter.at(Path("out.mcap"))
     writer.write_session({"kind": "start", ...}, utc_ns)
     writer.write_frame(data, frame, utc_ns)     # the bytes as received, before anything is done with them
     writer.sync()                               # once a second
@@ -10,7 +10,6 @@ Every time handed in is the station's UTC in ns. `log_time` is that time, never 
 the order of arrival; `publish_time` is the record's own time on the boat clock. No clock is read here.
 """
 
-import dataclasses
 import json
 import math
 import os
@@ -20,7 +19,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
@@ -28,7 +27,12 @@ from mcap.writer import CompressionType, Writer
 from common.errors import WayfixError
 from common.messages import Event, Frame
 from common.units import NS_PER_S
-from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, LINK, SESSION, json_schema
+from common.whole_file import part_of, sync_directory
+from shore.logbook import foxglove
+from shore.logbook.estimates import logged
+from shore.logbook.lock import lock
+from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, FRAMES, LINK, POSITIONS, SESSION, TRIP, json_schema
+from shore.logbook.summary import TripSummary
 
 _LARGEST_TIME: Final = 2**64 - 1
 
@@ -40,32 +44,71 @@ class LogWriter:
         """Make `directory` if need be and open `<UTC start>-<boat_id>.mcap` in it; raises WayfixError."""
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            self._file = _new_file(directory, boat_id, utc_ns)
+            file = _new_file(directory, boat_id, utc_ns)
         except OSError as error:
             cure = "give a directory you may write to"
             raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
-        self.path = Path(os.fsdecode(self._file.name))
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._open(file, Path(os.fsdecode(file.name)), None)
+
+    @classmethod
+    def at(cls, path: Path) -> Self:
+        """A log that appears at `path` when it is closed; raises WayfixError when something is there already."""
+        if path.exists():
+            raise WayfixError("exists already", str(path), "choose another name, or remove it first")
+        writer = cls.__new__(cls)
+        try:
+            writer._open(FileIO(part_of(path), "xb"), part_of(path), path)  # noqa: SLF001
+        except OSError as error:
+            raise WayfixError(f"cannot be written ({error.strerror})", str(path), "check space and rights") from error
+        return writer
+
+    def _open(self, file: FileIO, path: Path, final: Path | None) -> None:
+        self._file = file
+        self.path = path
+        """Where it grows; `at` renames it when it is closed."""
+        self._final = final
+        lock(file.fileno())
+        self._writer = Writer(file, compression=CompressionType.ZSTD)
         self._channels: dict[str, int] = {}
         self._log_time = 0
         self._failed = False
+        self._summary = TripSummary()
+        self._drawn_ns: dict[str, int] = {}
+        """Boat time of the newest position of each filter."""
         self._guarded(lambda: self._writer.start(profile="", library="wayfix"))
 
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:
-        """A frame's bytes, unchanged; `frame` is the same, decoded."""
+        """A frame's bytes, unchanged; `frame` is the same, decoded. Its fixes once more as Foxglove draws them."""
         self._add(FRAMES, data, t_ns, frame.t1_ns, frame.seq % 2**32)
+        self._summary.frame(frame)
+        for fix in frame.fixes:
+            if fix.lat_deg is not None and fix.lon_deg is not None:
+                place = (fix.lat_deg, fix.lon_deg)
+                record = foxglove.location_fix(self._log_time, fix.t_ns, fix.sensor, place, None)
+                self._add(f"{FIXES}{fix.sensor}", _json(record), t_ns, fix.t_ns)
 
     def write_estimate(self, record: dict[str, Any], t_ns: int) -> None:
-        """What one filter published; `record` has at least `filter` and `t_ns` (boat clock)."""
-        self._add(f"{ESTIMATES}{record['filter']}", _json(record), t_ns, record["t_ns"])
+        """What one filter published (`Estimate.as_record()`), rounded; each second once more as Foxglove draws it."""
+        stored, name, boat_ns = logged(record), record["filter"], record["t_ns"]
+        self._add(f"{ESTIMATES}{name}", _json(stored), t_ns, boat_ns)
+        self._summary.estimate(stored)
+        if not 0 <= boat_ns - self._drawn_ns.get(name, boat_ns - NS_PER_S) < NS_PER_S:
+            self._drawn_ns[name] = boat_ns
+            place, size = (stored["lat_deg"], stored["lon_deg"]), len(stored["state"])
+            east, cross, north = (stored["covariance"][index] for index in (0, 1, size))
+            drawn = foxglove.location_fix(self._log_time, boat_ns, name, place, (east, cross, north))
+            self._add(f"{POSITIONS}{name}", _json(drawn), t_ns, boat_ns)
 
     def write_event(self, event: Event, t_ns: int) -> None:
         """An event of either side."""
-        self._add(EVENTS, _json(dataclasses.asdict(event)), t_ns, event.t_ns)
+        self._log_time = max(self._log_time, min(t_ns, _LARGEST_TIME))
+        self._add(EVENTS, _json(foxglove.log_record(event, self._log_time)), t_ns, event.t_ns)
+        self._summary.event(event.level)
 
     def write_session(self, record: dict[str, Any], t_ns: int) -> None:
         """Configuration, versions, options, operator actions: on the disk when this returns."""
         self._add(SESSION, _json(record), t_ns, t_ns)
+        self._summary.session(record, t_ns)
         self.sync()
 
     def write_link(self, record: dict[str, Any], t_ns: int) -> None:
@@ -77,7 +120,7 @@ class LogWriter:
         self._guarded(self._flush)
 
     def close(self) -> None:
-        """Write the index and close; harmless when called twice or after a failure."""
+        """Write summary and index and close; harmless when called twice or after a failure."""
         if self._file.closed:
             return
         try:
@@ -87,6 +130,14 @@ class LogWriter:
             # The library's own buffer may hold what a full disk refused; closing tries once more and fails again.
             with suppress(OSError):
                 self._file.close()
+
+    def abandon(self) -> None:
+        """Close without an end; a log of `at` leaves nothing behind. Harmless to a log that is closed already."""
+        with suppress(OSError):
+            self._file.close()
+        if self._final is not None and self.path != self._final:
+            with suppress(OSError):
+                self.path.unlink()
 
     def _add(self, topic: str, data: bytes, t_ns: int, publish_ns: int, sequence: int = 0) -> None:
         self._log_time = max(self._log_time, min(t_ns, _LARGEST_TIME))
@@ -107,8 +158,15 @@ class LogWriter:
         os.fsync(self._file.fileno())
 
     def _finish(self) -> None:
+        summary = {"kind": "summary", **self._summary.as_record()}
+        self._add(SESSION, _json(summary), self._log_time, self._log_time)
+        self._writer.add_metadata(TRIP, {name: str(value) for name, value in summary.items() if value is not None})
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._flush()
+        if self._final is not None:
+            self.path.replace(self._final)
+            self.path = self._final
+            sync_directory(self.path.parent)
 
     def _guarded(self, action: Callable[[], None]) -> None:
         if self._failed:
@@ -134,12 +192,7 @@ def _new_file(directory: Path, boat_id: str, utc_ns: int) -> FileIO:
         except FileExistsError:
             number += 1
             continue
-        # Without this the file's name may be gone after a power cut, with all its synced data.
-        entry = os.open(directory, os.O_RDONLY)
-        try:
-            os.fsync(entry)
-        finally:
-            os.close(entry)
+        sync_directory(directory)
         return file
 
 

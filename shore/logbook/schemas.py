@@ -3,7 +3,7 @@
 import json
 from typing import Any, Final
 
-from common.messages import LEVELS
+from shore.logbook import foxglove
 
 FRAMES: Final = "/frames"
 ESTIMATES: Final = "/estimates/"
@@ -11,9 +11,16 @@ ESTIMATES: Final = "/estimates/"
 EVENTS: Final = "/events"
 SESSION: Final = "/session"
 LINK: Final = "/link"
+TRIP: Final = "wayfix.trip"
+"""Name of the MCAP metadata record with the trip's summary."""
+FIXES: Final = "/fixes/"
+"""+ sensor: each position of a receiver, as Foxglove draws it."""
+POSITIONS: Final = "/position/"
+"""+ filter: its estimates, one a second at most, as Foxglove draws them."""
 
 _TIME: Final = {"type": "integer", "description": "nanoseconds on the boat clock"}
 _NUMBER: Final = {"type": ["number", "null"]}
+_PLACE: Final = ("timestamp", "frame_id", "latitude", "longitude")
 _NUMBERS: Final = {"type": "array", "items": _NUMBER}
 
 _SCHEMAS: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
@@ -41,21 +48,13 @@ _SCHEMAS: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
             "waiting": {"type": "array", "items": {"type": "string"}, "description": "what is not known yet"},
             "repairs": {"type": "integer"},
             "channels": {"type": "object", "description": "sensor.channel -> sigma, dom_ratio, nis"},
+            "digest": {"type": "string", "description": "of all bits before numbers were rounded for the log"},
         },
         ("filter", "t_ns"),
     ),
-    EVENTS: (
-        "wayfix.Event",
-        {
-            "t_ns": _TIME,
-            "source": {"type": "string"},
-            "code": {"type": "string"},
-            "level": {"enum": list(LEVELS)},
-            "text": {"type": "string"},
-            "evidence": {"type": "object"},
-        },
-        ("t_ns", "source", "code", "level", "text"),
-    ),
+    EVENTS: (foxglove.LOG, foxglove.LOG_PROPERTIES, ("timestamp", "level", "message", "name", "t_ns", "code")),
+    FIXES: (foxglove.LOCATION_FIX, foxglove.LOCATION_FIX_PROPERTIES, _PLACE),
+    POSITIONS: (foxglove.LOCATION_FIX, foxglove.LOCATION_FIX_PROPERTIES, _PLACE),
     SESSION: ("wayfix.Session", {"kind": {"type": "string"}}, ("kind",)),
     LINK: ("wayfix.Link", {"kind": {"type": "string"}}, ("kind",)),
 }
@@ -63,6 +62,7 @@ _SCHEMAS: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
 
 def json_schema(topic: str) -> tuple[str, bytes]:
     """(schema name, JSON Schema) of a topic; further properties are allowed everywhere."""
-    name, properties, required = _SCHEMAS[ESTIMATES if topic.startswith(ESTIMATES) else topic]
+    many = next((kind for kind in (ESTIMATES, FIXES, POSITIONS) if topic.startswith(kind)), topic)
+    name, properties, required = _SCHEMAS[many]
     schema = {"title": name, "type": "object", "properties": properties, "required": list(required)}
     return name, json.dumps(schema).encode()

@@ -24,7 +24,7 @@ from shore.smooth import COLUMNS, smooth_log, write_track
 from tests import offline
 from tests.navigate import voyages
 from tests.offline import config_of, errors_of, frames_of
-from tests.station.test_replay import log_of
+from tests.station.logs import log_of
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +39,7 @@ def test_it_ends_where_the_live_filter_ends(minute: tuple[BoatConfig, list[Frame
     live = [estimate for frame in frames for estimate in pipeline.push(frame).estimates]
     smooth = smooth_log(config, frames, "fuzzy")
     assert [each.t_ns for each in smooth] == [frame.t1_ns for frame in frames][-len(smooth) :]
+    assert [(each.boot_id, each.seq) for each in smooth[-5:]] == [(frame.boot_id, frame.seq) for frame in frames[-5:]]
     assert len(smooth) >= len(live)
     assert smooth[-1].filter == "fuzzy-smoothed"
     apart = np.array(smooth[-1].state) - np.array(live[-1].state)

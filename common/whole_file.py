@@ -1,0 +1,55 @@
+"""Files that appear under their name only when they are whole."""
+
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from common.errors import WayfixError
+
+
+def part_of(path: Path) -> Path:
+    """Where `path` grows: beside it, hidden, of this process."""
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """A new file, put in the place of `path` when the block ends well; nothing is left behind when it does not.
+
+    Raises: OSError.
+    """
+    part = part_of(path)
+    try:
+        with part.open("xb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(path)
+        sync_directory(path.parent)
+    except BaseException:
+        with suppress(OSError):
+            part.unlink()
+        raise
+
+
+def sync_directory(directory: Path) -> None:
+    """Without this a new name may be gone after a power cut, with all the synced data behind it. Raises OSError."""
+    entry = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(entry)
+    finally:
+        os.close(entry)
+
+
+def check_target(path: Path, inputs: Iterable[Path], cure: str) -> None:
+    """Before the work: raises WayfixError when nothing can be written there, or an input would be lost."""
+    try:
+        if any(given.exists() and path.exists() and path.samefile(given) for given in inputs):
+            raise WayfixError("is what is read, it would be lost", str(path), cure)
+        if (path.exists() and not stat.S_ISREG(path.stat().st_mode)) or not path.absolute().parent.is_dir():
+            raise WayfixError("cannot be written (no such directory, or no plain file)", str(path), cure)
+    except OSError as error:
+        raise WayfixError(f"cannot be looked at ({error.strerror})", str(path), cure) from error

@@ -1,0 +1,252 @@
+"""Regression cases: a short log, what its replay must give, and how exactly (tests/golden).
+
+directory/log.mcap      the frames, byte for byte, and the session they came in
+directory/expected.csv  one row every few seconds for each filter, fixed decimals: a change is read in the diff
+directory/events.csv    what the replay tells
+directory/case.toml     name, text, how it was made, filters, order, tolerance of each column
+"""
+
+import argparse
+import csv
+import io
+import json
+import shlex
+import shutil
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from common.angles import difference_deg
+from common.errors import WayfixError
+from common.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from shore.replay import Played, Span
+
+LOG, EXPECTED, EVENTS, CASE = "log.mcap", "expected.csv", "events.csv", "case.toml"
+EVERY_S: Final = 5.0
+COLUMNS: Final[dict[str, tuple[int, float]]] = {
+    "lat_deg": (9, 3e-9),
+    "lon_deg": (9, 3e-9),
+    "heading_true_deg": (5, 3e-5),
+    "sog_kn": (5, 3e-5),
+    "sigma_east_m": (5, 3e-5),
+    "sigma_north_m": (5, 3e-5),
+    "sigma_heading_deg": (5, 3e-5),
+}
+"""Decimals written, and the tolerance: three units of the last one (tests/golden/README.md says why)."""
+EVENT_COLUMNS: Final = ("t_s", "source", "code")
+LOG_LIMIT: Final = 60_000
+"""Bytes of a log that is fit to be kept in a repository."""
+
+Row = dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What `case.toml` says."""
+
+    directory: Path
+    name: str
+    text: str
+    made_by: str
+    filters: tuple[str, ...]
+    order: str
+    every_s: float
+    tolerance: dict[str, float]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `wayfix log case`."""
+    from shore.replay_command import add_span
+    from shore.terminal import add_json
+
+    parser.add_argument("log", type=Path, help="any log")
+    parser.add_argument("directory", type=Path, metavar="DIR", help="a new directory, named after the case")
+    add_span(parser)
+    parser.add_argument("--filters", help="comma-separated (default those of the live run)")
+    parser.add_argument(
+        "--order", choices=("arrival", "time"), default="arrival", help="of the replay (default arrival)"
+    )
+    parser.add_argument("--name", help="what is shown (default the directory's name)")
+    parser.add_argument("--text", default="", help="what the case is for")
+    add_json(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Make a regression case of a log: its frames, and what a replay of them gives."""
+    from shore.replay_command import span_of
+    from shore.terminal import filters_named, finish, say, tell
+
+    filters = filters_named(arguments.filters) if arguments.filters else ()
+    name = arguments.name or arguments.directory.name
+    made_by = f"wayfix log case {arguments.log.name} {arguments.directory.name}{_asked(arguments)}"
+    case = Case(arguments.directory, name, arguments.text, made_by, filters, arguments.order, EVERY_S, {})
+    sizes = write_case(arguments.log, case, span_of(arguments))
+    tell(f"{arguments.directory}: {', '.join(f'{file} {size} bytes' for file, size in sizes.items())}")
+    if sizes[LOG] > LOG_LIMIT:
+        say(f"{LOG} is longer than {LOG_LIMIT} bytes: cut it with --from and --to before it goes into a repository")
+    finish(arguments, {"case": str(arguments.directory), "bytes": sizes})
+    return 0
+
+
+def _asked(arguments: argparse.Namespace) -> str:
+    given = {"from": arguments.from_s, "to": arguments.to_s, "filters": arguments.filters}
+    given["order"] = None if arguments.order == "arrival" else arguments.order
+    options = {
+        name: value if isinstance(value, str) else f"{value:g}" for name, value in given.items() if value is not None
+    }
+    return "".join(f" --{name} {shlex.quote(value)}" for name, value in options.items())
+
+
+def write_case(log: Path, case: Case, span: "Span | None" = None) -> dict[str, int]:
+    """Make the directory of `case` from a part of a log; size of each file in bytes.
+
+    Filters default to those of the live run. Raises: WayfixError when the directory exists, or the log holds no frame
+    in the span.
+    """
+    directory = case.directory
+    if directory.exists():
+        raise WayfixError("exists already, a case is never overwritten", str(directory), "choose another name")
+    part = directory.with_name(f".{directory.name}.part")
+    try:
+        part.mkdir()
+    except OSError as error:
+        raise WayfixError(f"cannot be made ({error.strerror})", str(directory), "check name and rights") from error
+    try:
+        filters = _cut(log, part / LOG, case.filters, span)
+        (part / CASE).write_text(_toml(case, filters), encoding="utf-8")
+        write_expected(read_case(part))
+        part.rename(directory)
+    except OSError as error:
+        raise WayfixError(f"cannot be written ({error.strerror})", str(directory), "check space and rights") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return {file: (directory / file).stat().st_size for file in (LOG, EXPECTED, EVENTS, CASE)}
+
+
+def read_case(directory: Path) -> Case:
+    """The case in a directory; raises WayfixError where there is none."""
+    try:
+        table = tomllib.loads((directory / CASE).read_text(encoding="utf-8"))
+        return Case(
+            directory, table["name"], table["text"], table["made_by"], tuple(table["filters"]), table["order"],
+            float(table["every_s"]), {name: float(table["tolerance"][name]) for name in COLUMNS},
+        )  # fmt: skip
+    except (OSError, KeyError, ValueError) as error:
+        raise WayfixError(f"holds no regression case ({error})", str(directory), "make one: wayfix log case") from error
+
+
+def write_expected(case: Case) -> None:
+    """Replay the case and write what it gives now over what was expected."""
+    for file, text in replayed(case).items():
+        (case.directory / file).write_text(text, encoding="utf-8")
+
+
+def replayed(case: Case) -> dict[str, str]:
+    """What the replay gives now, as the texts of both CSV files."""
+    from shore.replay import Replay
+
+    rows: list[Row] = []
+    told: list[Row] = []
+    sampler = Sampler(case.every_s)
+    for played in Replay(case.directory / LOG, case.filters, order=case.order):
+        rows += sampler.rows(played)
+        arrival = played.arrival
+        for event in played.output.events:
+            t_s = arrival.t_s + (event.t_ns - arrival.frame.t1_ns) / NS_PER_S
+            told.append({"t_s": f"{t_s:.3f}", "source": event.source, "code": event.code})
+    return {EXPECTED: _csv(("t_s", "filter", "aligned", *COLUMNS), rows), EVENTS: _csv(EVENT_COLUMNS, told)}
+
+
+class Sampler:
+    """Takes one estimate of each filter every so many seconds."""
+
+    def __init__(self, every_s: float) -> None:
+        self._every_s = every_s
+        self._next_s: dict[str, float] = {}
+
+    def rows(self, played: "Played") -> Iterator[Row]:
+        """Those of one frame."""
+        arrival = played.arrival
+        for record in played.records:
+            name, t_s = record["filter"], arrival.t_s + (record["t_ns"] - arrival.frame.t1_ns) / NS_PER_S
+            if t_s < self._next_s.get(name, 0.0) - 1e-6:
+                continue
+            self._next_s[name] = (t_s // self._every_s + 1.0) * self._every_s
+            values = {column: f"{record[column]:.{decimals}f}" for column, (decimals, _) in COLUMNS.items()}
+            yield {"t_s": f"{t_s:.3f}", "filter": name, "aligned": str(int(record["aligned"])), **values}
+
+
+def differences(case: Case) -> list[str]:
+    """What is not as expected, a sentence each; none when all is within the tolerance."""
+    found: list[str] = []
+    for file, text in replayed(case).items():
+        now = list(csv.DictReader(io.StringIO(text)))
+        with (case.directory / file).open(newline="", encoding="utf-8") as stream:
+            expected = list(csv.DictReader(stream))
+        if len(now) != len(expected):
+            found.append(f"{file}: {len(now)} rows, {len(expected)} expected")
+        for line, (ours, theirs) in enumerate(zip(now, expected, strict=False), 2):
+            found += [
+                f"{file}, line {line}, {column}: {ours[column]}, expected {value}"
+                for column, value in theirs.items()
+                if not _is_near(column, ours.get(column, ""), value, case.tolerance)
+            ]
+    return found
+
+
+def _is_near(column: str, ours: str, theirs: str, tolerance: dict[str, float]) -> bool:
+    if ours == theirs or column not in tolerance:
+        return ours == theirs
+    apart = float(ours) - float(theirs)
+    return (
+        abs(difference_deg(float(ours), float(theirs)) if column == "heading_true_deg" else apart) <= tolerance[column]
+    )
+
+
+def _cut(log: Path, target: Path, filters: tuple[str, ...], span: "Span | None") -> list[str]:
+    """Frames of the span and their sessions, nothing else; the filters to replay."""
+    from shore.logbook.read import read_log
+    from shore.logbook.record import LogWriter
+    from shore.replay import Frames, Start
+
+    frames = Frames(read_log(log), "arrival", span)
+    asked: dict[str, Any] = {**frames.start.options}
+    asked["filters"] = list(filters or asked.get("filters", ()))
+    writer = LogWriter.at(target)
+    start: Start | None = None
+    for arrival in frames:
+        if arrival.start is not start:
+            start = arrival.start
+            writer.write_session({**start.record, "options": asked}, arrival.log_time_ns)
+        writer.write_frame(arrival.data, arrival.frame, arrival.log_time_ns)
+    if start is None:
+        writer.abandon()
+        raise WayfixError("holds no frame there", str(log), "give another --from or --to")
+    writer.close()
+    return list(asked["filters"])
+
+
+def _toml(case: Case, filters: list[str]) -> str:
+    table: dict[str, Any] = {
+        "name": case.name,
+        "text": case.text,
+        "made_by": case.made_by,
+        "filters": filters,
+        "order": case.order,
+        "every_s": case.every_s,
+    }
+    lines = [f"{name} = {json.dumps(value)}" for name, value in table.items()]
+    tolerances = [f"{column} = {tolerance:g}" for column, (_, tolerance) in COLUMNS.items()]
+    return "\n".join((*lines, "", "[tolerance]", *tolerances, ""))
+
+
+def _csv(columns: tuple[str, ...], rows: list[Row]) -> str:
+    stream = io.StringIO(newline="")
+    writer = csv.DictWriter(stream, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()

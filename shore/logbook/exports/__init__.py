@@ -1,0 +1,1 @@
+"""A log as other programs want it: tables, tracks on a map, sentences, pictures (`wayfix export`)."""

@@ -1,0 +1,140 @@
+"""Boat time to UTC and to seconds of the log, for each clock the board had.
+
+UTC is what the frames say of it, by the best source a clock ever had (gnss before rtc): the boat clock is steady, so
+the first minutes get theirs from when it was known. A log whose frames never knew it goes by their arrivals: live those
+are the station's UTC, in an import the recording's own where it had a date, and boat time (before 2000) where not.
+"""
+
+from bisect import bisect_right, insort
+from typing import Any, Final, NamedTuple
+
+from common.messages import UTC_SOURCES, Frame
+from common.units import NS_PER_S
+
+KNOT_NS: Final = 10 * NS_PER_S
+"""Boat time between two looks at the frames' UTC; between them it is a straight line."""
+ARRIVAL_NS: Final = 60 * NS_PER_S
+"""The quickest of the frames of so long stands for their arrivals."""
+EARLIEST_NS: Final = 946_684_800 * NS_PER_S
+"""1 January 2000: what arrived before is a log of times that are no UTC."""
+DAY_NS: Final = 86_400 * NS_PER_S
+_ARRIVAL: Final = 0
+"""Rank of the arrivals: that of `none`."""
+
+
+class _Knot(NamedTuple):
+    t_ns: int
+    offset_ns: int
+    """UTC less boat time."""
+    epoch: int
+
+
+class Clock:
+    """One clock of the board: its times can be compared."""
+
+    def __init__(self, number: int, first_ns: int, begin_s: float) -> None:
+        self.number = number
+        """In the order of the log."""
+        self._first_ns = first_ns
+        self._begin_s = begin_s
+        self._knots: dict[int, list[_Knot]] = {}
+        """By rank of the source."""
+        self._best: list[_Knot] = []
+        self._quickest: _Knot | None = None
+        self._minute = -1
+
+    def seconds(self, t_ns: int) -> float:
+        """Seconds of the log: as `wayfix replay` counts them."""
+        return self._begin_s + (t_ns - self._first_ns) / NS_PER_S
+
+    def utc_ns(self, t_ns: int) -> int | None:
+        """UTC of a boat time; `None` where nobody knows it."""
+        knots = self._best
+        if not knots:
+            return None
+        after = bisect_right(knots, t_ns, key=lambda knot: knot.t_ns)
+        left, right = knots[max(after - 1, 0)], knots[min(after, len(knots) - 1)]
+        if left.t_ns == right.t_ns:
+            return t_ns + left.offset_ns
+        if left.epoch != right.epoch:  # a step: the nearer side holds
+            return t_ns + (left if t_ns - left.t_ns <= right.t_ns - t_ns else right).offset_ns
+        part = (right.offset_ns - left.offset_ns) * (t_ns - left.t_ns) // (right.t_ns - left.t_ns)
+        return t_ns + left.offset_ns + part
+
+    def told(self, frame: Frame) -> None:
+        """What a frame says of UTC."""
+        if frame.utc_ns is None or frame.utc_src == "none":
+            return
+        knots = self._knots.setdefault(UTC_SOURCES.index(frame.utc_src), [])
+        knot = _Knot(frame.t0_ns, frame.utc_ns - frame.t0_ns, frame.clk_epoch)
+        if not knots or knot.epoch != knots[-1].epoch or abs(knot.t_ns - knots[-1].t_ns) >= KNOT_NS:
+            insort(knots, knot)
+
+    def arrived(self, t_ns: int, log_time_ns: int) -> None:
+        """A newest frame's end and its arrival."""
+        if log_time_ns < EARLIEST_NS:
+            return
+        minute, knot = t_ns // ARRIVAL_NS, _Knot(t_ns, log_time_ns - t_ns, 0)
+        if minute != self._minute:
+            self._keep_quickest()
+            self._minute, self._quickest = minute, knot
+        elif self._quickest is None or knot.offset_ns < self._quickest.offset_ns:
+            self._quickest = knot
+
+    def settle(self) -> None:
+        """All is known: UTC goes by the best source."""
+        self._keep_quickest()
+        self._best = self._knots[max(self._knots)] if self._knots else []
+
+    def _keep_quickest(self) -> None:
+        if self._quickest is not None:
+            insort(self._knots.setdefault(_ARRIVAL, []), self._quickest)
+            self._quickest = None
+
+
+class Clocks:
+    """All clocks of a log, fed by its frames in file order."""
+
+    def __init__(self, start: dict[str, Any] | None) -> None:
+        """The log's first `/session` start."""
+        made = ((start or {}).get("connected") or {}).get("file") or {}
+        self.has_time_of_day = made.get("clock") == "utc-time-of-day"
+        """Boat time less whole days is UTC without its date."""
+        self._of_clock: dict[str, Clock] = {}
+        self._of_boot: dict[str, Clock] = {}
+        self.all: list[Clock] = []
+        self.newest_s = 0.0
+
+    def of_frame(self, frame: Frame) -> Clock:
+        """The clock of a frame."""
+        clock = self._of_clock.get(frame.clock_id)
+        if clock is None:
+            clock = self._of_clock[frame.clock_id] = Clock(len(self.all), frame.t0_ns, self.newest_s)
+            self.all.append(clock)
+        self._of_boot[frame.boot_id] = clock
+        return clock
+
+    def of_boot(self, boot_id: str, t_ns: int) -> Clock:
+        """The clock of a start of the daemon; the last one for a start no frame told of."""
+        return self._of_boot.get(boot_id) or self.any(t_ns)
+
+    def any(self, t_ns: int) -> Clock:
+        """The last clock; one that begins at `t_ns` where no frame came at all."""
+        if not self.all:
+            self.all.append(Clock(0, t_ns, 0.0))
+        return self.all[-1]
+
+    def came(self, clock: Clock, t_ns: int, log_time_ns: int) -> None:
+        """A newest frame: its end and its arrival."""
+        self.newest_s = max(self.newest_s, clock.seconds(t_ns))
+        clock.arrived(t_ns, log_time_ns)
+
+    def settle(self) -> None:
+        """After the last frame."""
+        for clock in self.all:
+            clock.settle()
+
+    @property
+    def know_utc(self) -> bool:
+        """All of them."""
+        return bool(self.all) and all(clock.utc_ns(0) is not None for clock in self.all)

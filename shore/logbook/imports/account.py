@@ -1,0 +1,43 @@
+"""Where everything in a recording went: each line, row or value is taken, ignored or rejected with a reason."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(slots=True)
+class Account:
+    """Counts of one unit; the three groups together are all there was."""
+
+    unit: str
+    """What is counted, in the plural: lines, rows, values."""
+    taken: Counter[str] = field(default_factory=Counter)
+    """By kind."""
+    ignored: Counter[str] = field(default_factory=Counter)
+    """By kind: well-formed, but nothing a log of the boat holds."""
+    rejected: Counter[str] = field(default_factory=Counter)
+    """By reason."""
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.taken.total() + self.ignored.total() + self.rejected.total()
+
+    def as_record(self) -> dict[str, Any]:
+        """For JSON, sorted, so that the same recording gives the same bytes."""
+        groups = {name: dict(sorted(getattr(self, name).items())) for name in ("taken", "ignored", "rejected")}
+        return {"total": self.total, **groups}
+
+    def words(self) -> Iterator[str]:
+        """For a person: a heading and a row for each group."""
+        yield f"{self.total} {self.unit}"
+        for name in ("taken", "ignored", "rejected"):
+            counts: Counter[str] = getattr(self, name)
+            if counts:
+                details = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
+                yield f"  {name:9} {counts.total():>8}   {details}"
+
+
+class Rejected(Exception):  # noqa: N818 (a counted result, no fault of the program)
+    """Something in a recording that cannot be right; the text is the reason it is counted under."""

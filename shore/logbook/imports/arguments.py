@@ -1,0 +1,41 @@
+"""Arguments of `wayfix import`, apart from the work: `wayfix --help` must not wait for numpy."""
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+from common.command import number
+from shore.logbook.trip_arguments import add_trip_arguments
+from shore.terminal import add_json
+
+DEFAULT_FILTERS: Final = "fuzzy"
+DESCRIPTION: Final = (
+    "Make a log of a recording: NMEA and other serial recordings (up to 128 MiB), frames files, gpsd JSON, Signal K "
+    "deltas and server logs, CSV with a mapping. Told by its content. Exit code 1: nothing in it could be used."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """FILE, OUT and options."""
+    parser.add_argument("recording", metavar="FILE", type=Path, help="what to import")
+    parser.add_argument("out", metavar="OUT.mcap", type=Path, help="the log to write; never overwrites")
+    parser.add_argument(
+        "--map", type=Path, metavar="MAP.toml", help="which column of a CSV is what (deploy/examples/*-map.toml)"
+    )
+    parser.add_argument(
+        "--config", type=Path, metavar="BOAT.toml", help="whose sensors they are (default: those found in FILE)"
+    )
+    parser.add_argument("--port", metavar="NAME", help="[[port]] of --config that a serial FILE is a recording of")
+    parser.add_argument(
+        "--lines-per-second",
+        type=number(float, 0.001, 100_000.0),
+        metavar="X",
+        help="pace of a recording without times inside (default: as fast as the baud rate; JSON: one a second)",
+    )
+    parser.add_argument(
+        "--filters",
+        default=DEFAULT_FILTERS,
+        help=f"comma-separated, the first leads; none = frames only (default {DEFAULT_FILTERS})",
+    )
+    add_trip_arguments(parser)
+    add_json(parser)

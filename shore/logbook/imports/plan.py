@@ -1,0 +1,135 @@
+"""When each record of a recording was: from the records' own times to one boat clock that never goes back.
+
+Pure. A record's time is UTC, or counts from anywhere; some have none, some are wrong:
+
+- A time that lies back by more than `LATE_NS`, or is passed by the records behind it (a year ahead, and back again), is
+  wrong: the record is left out and counted.
+- A step back that lasts (a clock that was set) moves boat time on by one ordinary step, and UTC against it; the frames
+  tell it by `clk_epoch`. A step ahead that lasts is a gap of the recording.
+- Records without time lie evenly between those before and behind them; in a gap, and at the end, one ordinary step
+  holds them. Before the first time there is nothing to go by: they are left out.
+- Where no record has a time, they follow each other at a pace that is given.
+"""
+
+from array import array
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from common.clock import whole_us
+from common.units import NS_PER_S
+
+NO_TIME: Final = -(2**63)
+"""Stands for a record without a time, and for one that is left out."""
+LATE_NS: Final = NS_PER_S
+"""Several sources of one recording are seldom in order to the millisecond."""
+JUMP_NS: Final = 60 * NS_PER_S
+"""A longer step ahead, and the first time of all, is looked at twice:"""
+ASKED: Final = 4
+"""at least half of so many records behind it must not lie before it."""
+LATEST_NS: Final = 2**62
+"""The year 2116. Boat time beyond it is nobody's."""
+BELIEVED: Final = 3
+"""So many records in a row that agree make a step."""
+LONGEST_STEP_NS: Final = 10 * NS_PER_S
+"""Records without time are not spread over more than this, nor over more than five ordinary steps."""
+
+
+class Plan:
+    """The boat time of each record, by its number in the recording."""
+
+    def __init__(self, times_ns: "array[int]", pace_hz: float, *, spread: bool = False, is_utc: bool = True) -> None:
+        """Times of every record, in order, `NO_TIME` where it has none; the array becomes the plan's own.
+
+        pace_hz: records a second, where no record has a time. spread: a record of the same time as the one before has
+        none of its own. is_utc: what is no UTC is counted from the first record.
+        """
+        self._at = times_ns
+        if spread:
+            _drop_repeats(self._at)
+        self.timed = any(t_ns != NO_TIME for t_ns in self._at)
+        """There are times in it."""
+        self._steps = [(0, 0)]
+        """(number of the record, what its clock is behind boat time from there on, ns)."""
+        self.doubted: set[int] = set()
+        """Numbers of the records whose time was wrong."""
+        if self.timed:
+            self._put_in_order()
+            self._place_between()
+            if not is_utc:
+                self._count_from_zero()
+        else:
+            self._at = array("q", (whole_us(round(number * NS_PER_S / pace_hz)) for number in range(len(self._at))))
+
+    def at(self, number: int) -> int | None:
+        """Boat time of a record (ns, whole us), `None` = left out."""
+        t_ns = self._at[number]
+        return None if t_ns == NO_TIME else t_ns
+
+    def shift_ns(self, number: int) -> int:
+        """What has to be taken from boat time there to get the record's own clock."""
+        return self._steps[bisect_right(self._steps, number, key=lambda step: step[0]) - 1][1]
+
+    def epoch(self, number: int) -> int:
+        """How often the clock was set back before that record."""
+        return bisect_right(self._steps, number, key=lambda step: step[0]) - 1
+
+    def _put_in_order(self) -> None:
+        """Times -> boat times; what is wrong becomes `NO_TIME` and is doubted."""
+        numbers = [number for number, t_ns in enumerate(self._at) if t_ns != NO_TIME]
+        times_ns = [self._at[number] for number in numbers]
+        step_ns = _ordinary_step_ns(times_ns)
+        shift_ns, newest_ns = 0, None
+        for place, (number, t_ns) in enumerate(zip(numbers, times_ns, strict=True)):
+            behind = times_ns[place + 1 : place + BELIEVED]
+            if newest_ns is None or t_ns > newest_ns + JUMP_NS:
+                others = times_ns[place + 1 : place + 1 + ASKED]
+                believed = 2 * sum(later >= t_ns - LATE_NS for later in others) >= len(others)
+            elif t_ns >= newest_ns - LATE_NS:
+                believed = True
+            else:
+                lasting = all(t_ns - LATE_NS <= later < newest_ns - LATE_NS for later in behind)
+                believed = lasting and len(behind) == BELIEVED - 1
+                if believed:
+                    shift_ns += newest_ns - t_ns + step_ns
+                    self._steps.append((number, shift_ns))
+                    newest_ns = t_ns
+            if believed and t_ns + shift_ns <= LATEST_NS:
+                newest_ns = t_ns if newest_ns is None else max(newest_ns, t_ns)
+                self._at[number] = whole_us(t_ns + shift_ns)
+            else:
+                self._at[number] = NO_TIME
+                self.doubted.add(number)
+
+    def _place_between(self) -> None:
+        """Records without time, evenly."""
+        anchors = [number for number, t_ns in enumerate(self._at) if t_ns != NO_TIME]
+        step_ns = _ordinary_step_ns([self._at[number] for number in anchors])
+        longest_ns = max(LONGEST_STEP_NS, 5 * step_ns)
+        for before, behind in [*pairwise(anchors), *((last, len(self._at)) for last in anchors[-1:])]:
+            free = [number for number in range(before + 1, behind) if number not in self.doubted]
+            start_ns = self._at[before]
+            long_ns = self._at[behind] - start_ns if behind < len(self._at) else step_ns
+            long_ns = max(0, long_ns if long_ns <= longest_ns else step_ns)
+            for place, number in enumerate(free, 1):
+                self._at[number] = whole_us(start_ns + long_ns * place // (len(free) + 1))
+
+    def _count_from_zero(self) -> None:
+        first_ns = next((t_ns for t_ns in self._at if t_ns != NO_TIME), 0)
+        self._at = array("q", (t_ns if t_ns == NO_TIME else max(0, t_ns - first_ns) for t_ns in self._at))
+
+
+def _drop_repeats(times_ns: "array[int]") -> None:
+    before = NO_TIME
+    for number, t_ns in enumerate(times_ns):
+        if t_ns == before:
+            times_ns[number] = NO_TIME
+        before = t_ns
+
+
+def _ordinary_step_ns(times_ns: Sequence[int]) -> int:
+    """Median distance of records with different times, at most `LONGEST_STEP_NS`; a second where there is none."""
+    steps = [b - a for a, b in pairwise(times_ns) if b > a]
+    return min(round(median(steps)), LONGEST_STEP_NS) if steps else NS_PER_S

@@ -1,0 +1,27 @@
+"""Records of `/session` that more than one writer makes."""
+
+import platform
+from importlib.metadata import version
+from typing import Any, Final
+
+from shore.logbook.summary import KEPT
+
+LIBRARIES: Final = ("wayfix", "numpy", "msgpack", "mcap", "pygeomag")
+"""Those that a replay depends on."""
+
+
+def start_record(connected: dict[str, Any], options: dict[str, Any], utc_ns: int) -> dict[str, Any]:
+    """What a log begins with.
+
+    connected: the board's greeting, with its whole configuration (calibration included) and versions. options: at least
+    `filters` and `step_s`. utc_ns: when it began.
+    """
+    versions = {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
+    return {"kind": "start", "options": options, "connected": connected, "versions": versions, "utc_ns": utc_ns}
+
+
+def trip_record(name: str | None, place: str | None, note: str | None) -> dict[str, Any] | None:
+    """What a person calls the trip; `None` when nothing is given."""
+    words = dict(zip(KEPT, (name, place, note), strict=True))
+    given = {key: value for key, value in words.items() if value}
+    return {"kind": "trip", **given} if given else None

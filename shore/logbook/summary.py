@@ -1,0 +1,94 @@
+"""What a trip was: gathered while its log is written, or by reading it once."""
+
+from collections import Counter
+from typing import Any, Final
+
+from common.geodesy import LocalPlane
+from common.messages import Frame
+from common.units import NS_PER_S
+
+KEPT: Final = ("name", "place", "note")
+"""Words of the operator about a trip, in `/session` records of kind `trip`; the last ones hold."""
+LEG_NS: Final = NS_PER_S
+"""Distance is summed over steps of this boat time: shorter ones would count the noise."""
+
+
+class TripSummary:
+    """Feed it every record of a log in file order."""
+
+    def __init__(self) -> None:
+        self._words: dict[str, str | None] = dict.fromkeys(KEPT)
+        self._boat: str | None = None
+        self._utc_ns: int | None = None
+        self._frames = self._fixes = 0
+        self._seconds = 0.0
+        self._clock: tuple[str, int, int] | None = None
+        """(clock_id, first t0_ns, last t1_ns)."""
+        self._filters: list[str] = []
+        self._levels: Counter[str] = Counter()
+        self._area: tuple[float, float, float, float] | None = None
+        """South, north, west, east."""
+        self._last: tuple[int, float, float] | None = None
+        """Boat time, lat, lon of the last place that was counted."""
+        self._distance_m = self._fastest_kn = 0.0
+
+    def session(self, record: dict[str, Any], log_time_ns: int) -> None:
+        """A `/session` record."""
+        if record.get("kind") == "trip":
+            self._words |= {name: record[name] for name in KEPT if record.get(name)}
+        elif record.get("kind") == "start" and self._utc_ns is None:
+            self._utc_ns = record.get("utc_ns", log_time_ns)
+            self._boat = record.get("connected", {}).get("config", {}).get("boat", {}).get("id")
+
+    def frame(self, frame: Frame) -> None:
+        """A frame of the board; frames of one clock in any order."""
+        self._frames += 1
+        self._fixes += sum(fix.usable for fix in frame.fixes)
+        if self._clock is None or self._clock[0] != frame.clock_id:
+            self._seconds, self._clock = self._span_s(), (frame.clock_id, frame.t0_ns, frame.t1_ns)
+        clock_id, first_ns, last_ns = self._clock
+        self._clock = clock_id, min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
+
+    def estimate(self, record: dict[str, Any]) -> None:
+        """A published estimate; place and speed are those of the first filter that is aligned."""
+        if record["filter"] not in self._filters:
+            self._filters.append(record["filter"])
+        if record["filter"] != self._filters[0] or not record["aligned"]:
+            return
+        t_ns, lat_deg, lon_deg = record["t_ns"], record["lat_deg"], record["lon_deg"]
+        if self._last is not None and 0 <= t_ns - self._last[0] < LEG_NS:
+            return
+        if self._last is not None and t_ns > self._last[0]:
+            east_m, north_m = LocalPlane(self._last[1], self._last[2]).to_east_north_m(lat_deg, lon_deg)
+            self._distance_m += (east_m**2 + north_m**2) ** 0.5
+        south, north, west, east = self._area or (lat_deg, lat_deg, lon_deg, lon_deg)
+        self._area = min(south, lat_deg), max(north, lat_deg), min(west, lon_deg), max(east, lon_deg)
+        self._fastest_kn = max(self._fastest_kn, record["sog_kn"])
+        self._last = t_ns, lat_deg, lon_deg
+
+    def event(self, level: str) -> None:
+        """An event of this level."""
+        self._levels[level] += 1
+
+    def as_record(self) -> dict[str, Any]:
+        """Everything, for JSON; places are `None` while no estimate was aligned."""
+        area = self._area or (None, None, None, None)
+        return {
+            **self._words,
+            "boat": self._boat,
+            "utc_ns": self._utc_ns,
+            "seconds": round(self._span_s(), 3),
+            "frames": self._frames,
+            "fixes": self._fixes,
+            "filters": self._filters,
+            "events": dict(sorted(self._levels.items())),
+            "distance_m": round(self._distance_m, 1),
+            "max_sog_kn": round(self._fastest_kn, 2),
+            **dict(zip(("south_deg", "north_deg", "west_deg", "east_deg"), area, strict=True)),
+        }
+
+    def _span_s(self) -> float:
+        """Boat time covered, over all clocks."""
+        if self._clock is None:
+            return self._seconds
+        return self._seconds + (self._clock[2] - self._clock[1]) / NS_PER_S

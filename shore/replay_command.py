@@ -1,0 +1,274 @@
+"""`wayfix replay`: a log through the filters again, and beside what was recorded, a reference, or another filter."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from common.command import number
+from common.errors import WayfixError
+from shore.terminal import add_filter_arguments, add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
+
+if TYPE_CHECKING:
+    from shore.comparison import Counts
+    from shore.replay import Played, Replay, Span
+    from shore.score import Score
+
+LONGEST_S = 1e9
+SHOWN_EACH = 50
+"""Frames between two movements of the progress bar."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `wayfix replay`."""
+    parser.add_argument("log", type=Path, help="a log of `wayfix connect`, `demo`, `import` or `replay --record`")
+    parser.add_argument(
+        "--reference", type=Path, metavar="FILE", help="CSV t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]"
+    )
+    parser.add_argument(
+        "--order",
+        choices=("arrival", "time"),
+        default="arrival",
+        help="arrival: as live (default); time: by the boat's clock, late frames in their place, the best track",
+    )
+    add_span(parser)
+    parser.add_argument(
+        "--speed",
+        type=number(float, 0.01, 10_000.0),
+        metavar="X",
+        help="boat seconds per second, with the live run's status line (default: as fast as it can, without)",
+    )
+    parser.add_argument(
+        "--smooth",
+        type=Path,
+        metavar="OUT.csv",
+        help="write the first filter's smoothed track: every estimate knows the whole log",
+    )
+    parser.add_argument(
+        "--record", type=Path, metavar="OUT.mcap", help="write a new log: the same frames, the new estimates and events"
+    )
+    add_filter_arguments(parser, None)
+    add_json(parser)
+
+
+def add_span(parser: argparse.ArgumentParser) -> None:
+    """`--from` and `--to`."""
+    seconds = number(float, 0.0, LONGEST_S)
+    parser.add_argument("--from", dest="from_s", type=seconds, metavar="S", help="begin at this second of the log")
+    parser.add_argument("--to", dest="to_s", type=seconds, metavar="S", help="end at this second of the log")
+
+
+def span_of(arguments: argparse.Namespace) -> "Span":
+    """The span asked for; raises WayfixError for one that ends before it begins."""
+    from shore.replay import Span
+
+    if None not in (arguments.from_s, arguments.to_s) and arguments.to_s <= arguments.from_s:
+        raise WayfixError("--to lies before --from", cure="give --from S --to T with S < T")
+    return Span(arguments.from_s, arguments.to_s)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
+    from common.whole_file import check_target
+    from shore.replay import Replay
+    from shore.score import consistency_table, score_table
+
+    filters = filters_named(arguments.filters) if arguments.filters else None
+    inputs = [path for path in (arguments.log, arguments.reference) if path]
+    if arguments.smooth:
+        check_target(arguments.smooth, inputs, "choose another --smooth file")
+    if arguments.record:
+        check_target(arguments.record, inputs, "choose another --record file")
+        if arguments.record == arguments.smooth:
+            raise WayfixError("--record and --smooth name one file", str(arguments.record), "give two names")
+    replay = Replay(arguments.log, filters, arguments.step, arguments.order, span_of(arguments))
+    with every_end_is_ctrl_c():
+        watchers = Watchers(arguments, replay)
+        is_whole = watchers.play()
+        if not replay.frames:
+            if not is_whole:
+                return 0
+            raise WayfixError(*_empty(arguments, replay))
+        summary = _told(arguments, replay, is_whole)
+        if arguments.smooth and is_whole:
+            summary["smoothed"] = watchers.smooth(arguments.smooth)
+    summary["filters"] = watchers.consistency.summary()
+    if filters or arguments.reference:
+        tell(consistency_table(summary["filters"]))
+    if watchers.score is not None:
+        watchers.score.check(arguments.reference)
+        scores = watchers.score.summary()
+        summary.update(scores)
+        tell(score_table(scores))
+    finish(arguments, summary)
+    return 0
+
+
+class Watchers:
+    """Everything that looks at each frame of a replay."""
+
+    def __init__(self, arguments: argparse.Namespace, replay: "Replay") -> None:
+        from shore.score import Consistency
+
+        self._arguments = arguments
+        self._replay = replay
+        self.consistency = Consistency()
+        self.score: Score | None = None
+
+    def play(self) -> bool:
+        """The whole replay; False after Ctrl-C, which leaves no half file."""
+        from shore.replay_outputs import NewLog, Show
+
+        arguments, replay = self._arguments, self._replay
+        show = Show(replay.filters[0], arguments.speed, say) if arguments.speed else None
+        try:
+            if arguments.record is None:
+                self._watch(show.take if show else None)
+                return True
+            with NewLog(arguments.record, replay) as log:
+                self._watch(show.take if show else None, log.take)
+                if replay.frames:
+                    log.finish()
+        except KeyboardInterrupt:
+            say(f"stopped after {replay.frames} frames")
+            return False
+        return True
+
+    def smooth(self, path: Path) -> dict[str, Any]:
+        """Write the smoothed track; raises WayfixError."""
+        from shore.replay import smoothed
+        from shore.smooth import write_track
+
+        name = self._replay.filters[0]
+        track = smoothed(self._arguments.log, name, span_of(self._arguments))
+        with _progress("smoothing"):
+            count = write_track(path, self._scored(track))
+        tell(f"{count} smoothed estimates of {name} in {path}: each knows the whole log, none was seen live")
+        return {"estimates": count, "file": str(path)}
+
+    def _scored(self, track: Iterator[Any]) -> Iterator[Any]:
+        for estimate in track:
+            if self.score is not None:
+                self.score.take_estimate(estimate.as_record())
+            yield estimate
+
+    def _watch(self, *others: "Callable[[Played], None] | None") -> None:
+        takers = [taker for taker in others if taker]
+        with _progress("replaying", is_wanted=not self._arguments.speed) as shown:
+            for played in self._replay:
+                self._take(played)
+                for take in takers:
+                    take(played)
+                if self._replay.frames % SHOWN_EACH == 0:
+                    shown(played.arrival.t_s)
+
+    def _take(self, played: "Played") -> None:
+        if self._arguments.reference:
+            if self.score is None:
+                from shore.score import Score, read_reference
+
+                reference = read_reference(self._arguments.reference, played.arrival.frame.t0_ns)
+                self.score = Score(reference, played.arrival.start.config)
+            self.score.take_frame(played.arrival.frame)
+        for record in played.records:
+            self.consistency.take(record)
+            if self.score is not None:
+                self.score.take_estimate(record)
+
+
+def _empty(arguments: argparse.Namespace, replay: "Replay") -> tuple[str, str, str]:
+    """The sentence for a replay without a frame."""
+    if arguments.from_s or arguments.to_s is not None:
+        return "holds no frame there", str(arguments.log), "give another --from or --to"
+    damage = f" ({replay.damage})" if replay.damage else ""
+    return f"holds no frame{damage}", str(arguments.log), "give a log with frames in it"
+
+
+def _told(arguments: argparse.Namespace, replay: "Replay", is_whole: bool) -> dict[str, Any]:
+    """Say what was read, made and found again; the same for `--json`."""
+    tell(f"{arguments.log}: {replay.frames} frames, filters {', '.join(replay.filters)}")
+    _tell_order(replay)
+    if replay.damage:
+        say(f"{arguments.log}: {replay.damage}; all frames that are sound were replayed")
+    summary: dict[str, Any] = {
+        "order": replay.order,
+        "whole": is_whole,
+        "frames": {"read": replay.frames, "bad": replay.source.bad, "late": replay.source.late},
+        **_compared(replay),
+    }
+    if arguments.record:
+        summary["recorded"] = str(arguments.record) if is_whole else None
+        tell(f"new log {arguments.record}" if is_whole else f"{arguments.record} was not written")
+    return summary
+
+
+def _tell_order(replay: "Replay") -> None:
+    from shore.navigation.timeline import HORIZON_S
+
+    late = replay.source.late
+    if replay.order == "time":
+        tell("in order of boat time, late frames in their place: the best track, not what was seen live")
+    elif late:
+        tell(f"{late} frames came more than {HORIZON_S:g} s late; --order time puts them in their place")
+
+
+def _compared(replay: "Replay") -> dict[str, Any]:
+    """Say how the replay compares with the live run."""
+    from shore.comparison import Counts
+
+    comparison = replay.comparison
+    if comparison is None or not comparison.estimates.recorded:
+        why_not = replay.why_not or "the log holds none of these filters"
+        if replay.order != "time":
+            tell(f"estimates are not compared with recorded ones: {why_not}")
+        counts = Counts(made=replay.estimates)
+        return {"estimates": {**asdict(counts), "not_compared": why_not}, "events": None, "first_difference": None}
+    tell(_counted("estimates", comparison.estimates))
+    if comparison.events:
+        tell(_counted("events", comparison.events))
+    first = comparison.first
+    if first is not None:
+        tell(f"first difference: {first}")
+        _tell_versions(replay)
+    return {
+        "estimates": asdict(comparison.estimates),
+        "events": asdict(comparison.events) if comparison.events else None,
+        "first_difference": asdict(first) if first else None,
+    }
+
+
+def _counted(kind: str, counts: "Counts") -> str:
+    text = f"{kind} equal to the recorded ones: {counts.equal} of {counts.recorded}"
+    if not counts.differs:
+        return text
+    return f"{text}; {counts.different} different, {counts.missing} not made again, {counts.extra} not in the log"
+
+
+def _tell_versions(replay: "Replay") -> None:
+    """Another version of a library may change the last digits."""
+    from shore.logbook.session import start_record
+
+    recorded, ours = replay.start.record.get("versions", {}), start_record({}, {}, 0)["versions"]
+    changed = [name for name, here in ours.items() if recorded.get(name, here) != here]
+    others = [f"{name} {recorded[name]} (here {ours[name]})" for name in changed]
+    if others:
+        tell(f"the log was made with {', '.join(others)}")
+
+
+@contextmanager
+def _progress(what: str, *, is_wanted: bool = True) -> Iterator[Callable[[float], None]]:
+    """A line on a terminal's stderr: seconds of the log so far."""
+    if not (is_wanted and sys.stderr and sys.stderr.isatty()):
+        yield lambda _t_s: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn(what), TextColumn("{task.fields[at]}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        job = bar.add_task(what, total=None, at="")
+        yield lambda t_s: bar.update(job, at=f"{timedelta(seconds=int(t_s))} of the trip")

@@ -1,0 +1,71 @@
+"""What the commands ashore share: words to stderr, data to stdout, one line of JSON at the end, the list of filters."""
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from common.command import number
+from common.errors import WayfixError
+
+
+def say(line: str) -> None:
+    """One line of words; a terminal that is gone or full never ends a run."""
+    with suppress(OSError, ValueError):
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+
+
+def tell(line: str) -> None:
+    """One line of data on stdout."""
+    sys.stdout.write(f"{line}\n")
+
+
+def finish(arguments: argparse.Namespace, summary: dict[str, Any]) -> None:
+    """The last line of stdout, where `--json` asks for it."""
+    if arguments.json:
+        tell(json.dumps(summary))
+        sys.stdout.flush()
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """`--json`."""
+    parser.add_argument("--json", action="store_true", help="last line of stdout is one JSON object")
+
+
+def add_filter_arguments(parser: argparse.ArgumentParser, default: str | None) -> None:
+    """`--filters` and `--step`; default `None` = those of the live run."""
+    shown = default or "those of the live run"
+    parser.add_argument("--filters", default=default, help=f"comma-separated, the first leads (default {shown})")
+    parser.add_argument(
+        "--step",
+        type=number(float, 0.05, 60.0),
+        metavar="SECONDS",
+        help="synchronous steps (the thesis' Fig. 3.14), 0.05 to 60",
+    )
+
+
+def filters_named(text: str) -> tuple[str, ...]:
+    """`a,b,c` -> names, checked before anything is started."""
+    from shore.navigation.filters import REGISTRY
+
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in names or ("",):
+        if name not in REGISTRY:
+            raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
+    return names
+
+
+@contextmanager
+def every_end_is_ctrl_c() -> Iterator[None]:
+    """SIGTERM and a closed terminal raise KeyboardInterrupt too inside the block, so that what is open is put away."""
+    handled = (signal.SIGTERM, signal.SIGHUP)
+    previous = {each: signal.signal(each, signal.default_int_handler) for each in handled}
+    try:
+        yield
+    finally:
+        for each, handler in previous.items():
+            signal.signal(each, handler)

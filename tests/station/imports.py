@@ -1,0 +1,81 @@
+"""Imports as tests run them: in this process, the summary and the log at hand."""
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.codec import decode_frame
+from common.messages import Attitude, Fix, Frame, Heading, TurnRate
+from shore.logbook.imports.arguments import add_arguments
+from shore.logbook.imports.command import run
+from shore.logbook.read import read_log
+
+
+@dataclass
+class Imported:
+    """One import that did not raise."""
+
+    code: int
+    summary: dict[str, Any]
+    out: Path
+    words: str
+    """What was said on stderr."""
+
+    @property
+    def frames(self) -> list[Frame]:
+        return [decode_frame(record.data) for record in read_log(self.out).records("/frames")]
+
+    @property
+    def fixes(self) -> list[Fix]:
+        return [fix for frame in self.frames for fix in frame.fixes]
+
+    @property
+    def headings(self) -> list[Heading]:
+        return [heading for frame in self.frames for heading in frame.headings]
+
+    @property
+    def turn_rates(self) -> list[TurnRate]:
+        return [rate for frame in self.frames for rate in frame.turn_rates]
+
+    @property
+    def attitudes(self) -> list[Attitude]:
+        return [attitude for frame in self.frames for attitude in frame.attitudes]
+
+    @property
+    def session(self) -> list[dict[str, Any]]:
+        return [record.json() for record in read_log(self.out).records("/session")]
+
+    def account(self, unit: str) -> dict[str, Any]:
+        found: dict[str, Any] = self.summary["accounts"][unit]
+        return found
+
+
+class Importer:
+    """`wayfix import` with its words caught."""
+
+    def __init__(self, directory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.directory = directory
+        self._capsys = capsys
+
+    def __call__(self, source: Path, *options: str, out: str = "out.mcap", filters: str = "none") -> Imported:
+        """Raises WayfixError as the command does."""
+        parser = argparse.ArgumentParser()
+        add_arguments(parser)
+        target = self.directory / out
+        self._capsys.readouterr()
+        code = run(parser.parse_args([str(source), str(target), "--json", "--filters", filters, *options]))
+        said = self._capsys.readouterr()
+        summary = json.loads(said.out.splitlines()[-1]) if said.out else {}
+        for account in summary.get("accounts", {}).values():
+            assert account["total"] == sum(sum(account[group].values()) for group in ("taken", "ignored", "rejected"))
+        return Imported(code, summary, target, said.err)
+
+    def text(self, text: str | bytes, *options: str, name: str = "in.log", **more: str) -> Imported:
+        """A recording written first."""
+        source = self.directory / name
+        source.write_bytes(text.encode() if isinstance(text, str) else text)
+        return self(source, *options, **more)

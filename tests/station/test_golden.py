@@ -1,0 +1,155 @@
+"""Every golden case replays as expected (tests/golden), and a filter that is changed by one per cent is noticed."""
+
+import argparse
+import json
+import shutil
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from common.codec import decode_frame
+from common.command import run_command
+from shore.logbook.case import (
+    COLUMNS,
+    EVENTS,
+    EXPECTED,
+    LOG,
+    LOG_LIMIT,
+    add_arguments,
+    differences,
+    read_case,
+    run,
+    write_expected,
+)
+from shore.logbook.read import read_log
+from shore.navigation.fuzzy import FUZZY
+from shore.replay import Replay
+from tests.golden.make_logs import CASES, HERE, write_log
+
+TOGETHER = 700_000
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_it_replays_as_expected(name: str) -> None:
+    found = differences(read_case(HERE / name))
+    assert not found, "\n".join(found[:20])
+
+
+def test_the_cases_are_small_and_all_of_them_are_made_by_the_script() -> None:
+    logs = {path.parent.name: path.stat().st_size for path in HERE.glob(f"*/{LOG}")}
+    assert set(logs) == set(CASES)
+    assert max(logs.values()) <= LOG_LIMIT
+    assert sum(logs.values()) <= TOGETHER
+
+
+def test_the_script_still_makes_the_same_frames(tmp_path: Path) -> None:
+    write_log(tmp_path / LOG, CASES["restarts"])
+    assert list(read_log(tmp_path / LOG).frames()) == list(read_log(HERE / "restarts" / LOG).frames())
+
+
+@pytest.mark.parametrize(
+    ("name", "constant", "factor"),
+    [
+        ("turns", "shore.navigation.beginning.KNOWN_SPEED_M_S", 0.99),
+        ("without-compass", "shore.navigation.filters.COURSE_SIGMA_DEG", 0.99),
+        ("late-and-shuffled", "shore.navigation.timeline.HORIZON_NS", 0.5),
+    ],
+)
+def test_a_constant_that_is_changed_is_noticed(
+    name: str, constant: str, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, attribute = constant.rsplit(".", 1)
+    monkeypatch.setattr(constant, factor * getattr(import_module(module), attribute))
+    found = differences(read_case(HERE / name))
+    assert len(found) > 10
+    assert f"{EXPECTED}, line " in found[0]
+
+
+def test_one_per_cent_of_the_fuzzy_rules_memory_is_noticed() -> None:
+    before = FUZZY.long
+    object.__setattr__(FUZZY, "long", 1.01 * before)
+    try:
+        assert len(differences(read_case(HERE / "noise-step"))) > 10
+    finally:
+        object.__setattr__(FUZZY, "long", before)
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(HERE / "without-imu", tmp_path / "case"))
+
+
+def edited(case: Path, file: str, line: int, column: str, units: int) -> list[str]:
+    """Differences after one number of the expectation was moved by so many units of its last digit."""
+    path = case / file
+    rows = [row.split(",") for row in path.read_text().splitlines()]
+    place, (decimals, _) = rows[0].index(column), COLUMNS[column]
+    rows[line][place] = f"{float(rows[line][place]) + units * 10.0**-decimals:.{decimals}f}"
+    path.write_text("".join(",".join(row) + "\n" for row in rows))
+    return differences(read_case(case))
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_the_tolerance_is_three_of_the_last_digit(column: str, case: Path) -> None:
+    assert edited(case, EXPECTED, 7, column, 2) == []
+    (found,) = edited(case, EXPECTED, 7, column, 3)
+    assert found.startswith(f"{EXPECTED}, line 8, {column}: ")
+
+
+def test_rows_and_events_that_are_missing_are_told(case: Path) -> None:
+    lines = (case / EXPECTED).read_text().splitlines(keepends=True)
+    (case / EXPECTED).write_text("".join(lines[:-2]))
+    (case / EVENTS).write_text((case / EVENTS).read_text().replace("filter-aligned", "filter-reset"))
+    found = differences(read_case(case))
+    assert found == [
+        f"{EXPECTED}: {len(lines) - 1} rows, {len(lines) - 3} expected",
+        f"{EVENTS}, line 3, code: filter-aligned, expected filter-reset",
+    ]
+    write_expected(read_case(case))
+    assert differences(read_case(case)) == []
+    assert (case / EXPECTED).read_text() == "".join(lines)
+
+
+def command(*asked: str | Path) -> int:
+    """`wayfix log case ...`."""
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    arguments = parser.parse_args([str(each) for each in asked])
+    return run_command("wayfix", "shore", lambda: run(arguments))
+
+
+def test_any_log_becomes_a_case_cut_to_its_span(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, target = HERE / "restarts" / LOG, tmp_path / "cut"
+    asked = (source, target, "--from", "20", "--to", "60", "--filters", "kf", "--json")
+    assert command(*asked) == 0
+    said = capsys.readouterr().out.splitlines()
+    sizes = json.loads(said[-1])["bytes"]
+    assert said[0].startswith(f"{target}: {LOG} {sizes[LOG]} bytes, {EXPECTED} ")
+    case = read_case(target)
+    assert (case.name, case.filters, case.order) == ("cut", ("kf",), "arrival")
+    assert case.made_by == "wayfix log case log.mcap cut --from 20 --to 60 --filters kf"
+    assert differences(case) == []
+    frames = [decode_frame(data) for data in read_log(target / LOG).frames()]
+    replay = Replay(target / LOG)
+    assert replay.filters == ("kf",)
+    assert [played.arrival.frame for played in replay] == frames
+    assert frames[0].t1_ns / 1e9 == pytest.approx(1020.0)
+    assert frames[-1].t1_ns / 1e9 == pytest.approx(1060.0)
+    assert 0 < sizes[LOG] < source.stat().st_size
+
+    before = {path.name: path.read_bytes() for path in target.iterdir()}
+    assert command(*asked) == 2
+    assert "never overwritten" in capsys.readouterr().err
+    assert before == {path.name: path.read_bytes() for path in target.iterdir()}
+
+
+def test_a_case_without_frames_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(HERE / "turns" / LOG, tmp_path / "none", "--from", "900") == 2
+    assert "holds no frame there" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_directory_that_is_no_case_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(Exception, match="holds no regression case"):
+        read_case(tmp_path)

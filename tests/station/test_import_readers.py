@@ -1,0 +1,489 @@
+"""The readers of foreign recordings: known values, and never an exception nor a wrong value for any line."""
+
+import json
+import math
+from array import array
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.codec import encode_frame
+from common.errors import WayfixError
+from common.messages import Fix, Heading, TurnRate
+from common.sensors import BoatTable
+from common.units import M_S_PER_KN, NS_PER_S
+from shore.logbook.imports import cut
+from shore.logbook.imports.account import Rejected
+from shore.logbook.imports.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
+from shore.logbook.imports.columns import ColumnReader
+from shore.logbook.imports.gpsd import GpsdReader
+from shore.logbook.imports.plan import NO_TIME, Plan
+from shore.logbook.imports.reader import Lines, Reader
+from shore.logbook.imports.signalk import SELF, SignalKReader, own_context
+from shore.logbook.imports.values import utc_ns_of
+from tests.station.imports import Importer
+
+T0 = 1_700_000_000 * NS_PER_S
+ISO = "2023-11-14T22:13:20.000Z"
+
+
+@pytest.fixture
+def importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Importer:
+    return Importer(tmp_path, capsys)
+
+
+def iso(second: float) -> str:
+    return f"2023-11-14T22:13:{20 + second:06.3f}Z"
+
+
+def delta(second: float, source: str, **more: Any) -> str:
+    values = [{"path": f"navigation.{path}", "value": value} for path, value in more.items()]
+    update = {"$source": source, "timestamp": iso(second), "values": values}
+    return json.dumps({"context": "vessels.self", "updates": [update]})
+
+
+def test_signal_k_values_in_our_units(importer: Importer) -> None:
+    lines = [
+        delta(0, "gps.GP", position={"latitude": 60.1, "longitude": -24.5, "altitude": 3.0}),
+        delta(0, "gps.GP", speedOverGround=3.0, courseOverGroundTrue=math.pi / 2),
+        delta(0.1, "compass.HC", headingMagnetic=math.pi, magneticVariation=-0.1),
+        delta(0.2, "compass.HC", rateOfTurn=-math.radians(2.0)),
+        delta(0.3, "compass.HC", attitude={"roll": math.radians(5), "pitch": math.radians(-3), "yaw": None}),
+        delta(0.4, "gyro.TI", rateOfTurn=math.radians(1.0)),
+        delta(0.5, "gnss.HE", headingTrue=math.radians(359.0)),
+        delta(1, "gps.GP", position={"latitude": 60.2, "longitude": -24.6}),
+    ]
+    imported = importer.text("\n".join(lines))
+    assert imported.summary["kind"] == "Signal K deltas"
+    assert imported.summary["utc"] == "2023-11-14T22:13:20+00:00"
+    first, second = imported.fixes
+    assert (first.sensor, first.t_ns, first.utc_ns) == ("gps1", T0, T0)
+    assert (first.lat_deg, first.lon_deg, first.alt_m) == (60.1, -24.5, 3.0)
+    assert first.sog_kn == pytest.approx(3.0 / M_S_PER_KN)
+    assert first.cog_true_deg == pytest.approx(90.0)
+    assert (second.lat_deg, second.sog_kn, second.t_ns) == (60.2, None, T0 + NS_PER_S)
+    magnetic, true = imported.headings
+    assert (magnetic.sensor, magnetic.heading_true_deg, magnetic.heading_mag_deg) == ("compass1", None, 180.0)
+    assert magnetic.variation_deg == pytest.approx(math.degrees(-0.1))
+    assert (true.sensor, true.heading_mag_deg) == ("compass2", None)
+    assert true.heading_true_deg == pytest.approx(359.0)
+    assert [(rate.sensor, round(rate.rate_deg_s, 9)) for rate in imported.turn_rates] == [
+        ("compass1", -2.0),
+        ("gyro1", 1.0),
+    ]
+    (attitude,) = imported.attitudes
+    assert attitude.sensor == "compass1"
+    assert attitude.roll_deg == pytest.approx(5.0)
+    assert attitude.pitch_deg == pytest.approx(-3.0)
+    assert attitude.yaw_deg is None
+    assert imported.account("values")["total"] == 10
+    assert imported.session[0]["utc_ns"] == T0
+    assert imported.session[-2]["import"]["sources"]["compass2"] == "gnss.HE"
+
+
+def test_signal_k_of_other_vessels_and_of_the_server_itself_is_left_out(importer: Importer) -> None:
+    place = {"latitude": 1.0, "longitude": 2.0}
+    lines = [
+        '{"name":"signalk-server","self":"vessels.urn:mrn:signalk:uuid:1","version":"2.0.0"}',
+        delta(0, "ais", position=place).replace("vessels.self", "vessels.urn:mrn:imo:mmsi:230000000"),
+        delta(0, "gps", position={"latitude": 3.0, "longitude": 4.0}).replace(SELF, "vessels.urn:mrn:signalk:uuid:1"),
+        delta(0, "derived-data", headingTrue=1.0),
+        delta(0, "gps", depth=3.0),
+        "not json",
+    ]
+    imported = importer.text("\n".join(lines))
+    assert [(fix.lat_deg, fix.lon_deg) for fix in imported.fixes] == [(3.0, 4.0)]
+    assert imported.headings == []
+    assert imported.account("values")["ignored"] == {
+        "no delta": 1,
+        "of another vessel": 1,
+        "other path": 1,
+        "worked out by the server": 1,
+    }
+    assert imported.account("values")["rejected"] == {"no JSON": 1}
+
+
+def test_whose_deltas_are_ours(tmp_path: Path) -> None:
+    def own(*lines: str) -> str:
+        (tmp_path / "log").write_text("\n".join(lines))
+        return own_context(Lines(tmp_path / "log"))
+
+    ours = delta(0, "a", headingTrue=1.0).replace(SELF, "vessels.urn:mrn:signalk:uuid:1")
+    other = delta(0, "a", position={}).replace(SELF, "vessels.urn:mrn:imo:mmsi:2")
+    assert own(ours) == own(other, other, ours) == "vessels.urn:mrn:signalk:uuid:1"
+    assert own(other, delta(0, "a", position={})) == SELF
+    assert own(ours, ours.replace("uuid:1", "uuid:2")) == SELF  # two that steer: nobody knows which
+
+
+def test_values_that_cannot_be_are_refused_alone(importer: Importer) -> None:
+    lines = [
+        delta(0, "a", position={"latitude": 91.0, "longitude": 2.0}, speedOverGround=1.0),
+        delta(1, "a", position={"latitude": 1.0, "longitude": 2.0}, speedOverGround=-1.0),
+        delta(2, "a", position={"latitude": True, "longitude": 2.0}, headingTrue="north"),
+        delta(3, "a", position={"latitude": 1.0}, rateOfTurn=1e400),
+    ]
+    imported = importer.text("\n".join(lines))
+    assert [(fix.lat_deg, fix.sog_kn) for fix in imported.fixes] == [(None, pytest.approx(1 / M_S_PER_KN)), (1.0, None)]
+    assert imported.account("values")["rejected"] == {
+        "headingTrue headingTrue: no number": 1,
+        "position half a position": 1,
+        "position latitude: no number": 1,
+        "position latitude: out of range": 1,
+        "rateOfTurn rateOfTurn: out of range": 1,
+        "speedOverGround speedOverGround: out of range": 1,
+    }
+
+
+RMC = (
+    "$GPRMC,120000,A,6000.000,N,02400.000,E,5.0,090.0,141123,,,A*",
+    "$GPRMC,120001,A,6000.001,N,02400.000,E,5.0,090.0,141123,,,A*",
+)
+
+
+def sealed(text: str) -> str:
+    total = 0
+    for letter in text[1:-1]:
+        total ^= ord(letter)
+    return f"{text}{total:02X}"
+
+
+def test_a_server_log_with_sentences_goes_through_the_boats_decoders(importer: Importer) -> None:
+    lines = [f"{1_700_000_000_000 + 1000 * number};nmea;{sealed(text)}" for number, text in enumerate(RMC)]
+    lines += ['1700000002000;I;{"updates":[]}', "1700000002000;A;2023-11-14,2,127250,204,255,8,ff", "rubbish"]
+    imported = importer.text("\r\n".join(lines))
+    assert imported.summary["kind"] == "Signal K server log"
+    assert [(fix.lat_deg, fix.lon_deg) for fix in imported.fixes] == [
+        (60.0, 24.0),
+        (pytest.approx(60 + 1e-3 / 60), 24.0),
+    ]
+    account = imported.account("lines")
+    assert account["total"] == 5
+    assert account["taken"] == {"gps1 RMC": 2}
+    assert account["ignored"] == {"NMEA 2000 or other": 1, "delta": 1}
+    assert account["rejected"] == {"no line of a server's log": 1}
+
+
+def test_a_server_log_tells_the_pace_of_sentences_without_times(importer: Importer) -> None:
+    lines = [f"{1_700_000_000_000 + 100 * number};;{sealed(f'$HCHDM,{number:03d}.0,M*')}" for number in range(50)]
+    imported = importer.text("\n".join(lines))
+    assert len(imported.headings) == 50
+    assert imported.summary["seconds"] == pytest.approx(4.9 + 2.0, abs=0.3)
+    assert imported.summary["utc"] == "2023-11-14T22:13:20+00:00"
+
+
+def test_a_server_log_of_deltas_has_one_clock_for_all_sources(importer: Importer) -> None:
+    lines = [
+        "1700000000000;I;" + delta(30, "a", position={"latitude": 1.0, "longitude": 2.0}),
+        "1700000000500;I;" + delta(0, "b", headingTrue=1.0),
+    ]
+    imported = importer.text("\n".join(lines))
+    assert [fix.t_ns for fix in imported.fixes] == [T0]
+    assert [heading.t_ns for heading in imported.headings] == [T0 + NS_PER_S // 2]
+
+
+def tpv(second: float | None, **more: Any) -> str:
+    time = {} if second is None else {"time": iso(second)}
+    return json.dumps({"class": "TPV", "device": "/dev/gps", "mode": 3, **time, **more})
+
+
+def test_gpsd_values_in_our_units(importer: Importer) -> None:
+    lines = [
+        '{"class":"VERSION","release":"3.25"}',
+        "$GPGGA,raw,sentence*00",
+        tpv(0, lat=1.0, lon=2.0),
+        tpv(0, lat=1.5, lon=2.5, speed=10.0, track=270.5, altMSL=7.0, status=3),
+        '{"class":"ATT","heading":10.0,"pitch":1.0,"roll":-2.0,"rot":30.0}',
+        '{"class":"IMU","acc_x":0.5,"acc_y":-0.25,"acc_z":9.8,"gyro_z":3.0}',
+        tpv(1, mode=1),
+        tpv(1.5, lat=95.0, lon=2.0),
+        tpv(None, lat=1.0, lon=1.0),
+    ]
+    imported = importer.text("\n".join(lines))
+    fix, void, late = imported.fixes
+    assert (fix.lat_deg, fix.lon_deg, fix.alt_m, fix.fix_quality, fix.fix_mode) == (1.5, 2.5, 7.0, 4, 3)
+    assert fix.sog_kn == pytest.approx(10 / M_S_PER_KN)
+    assert (fix.cog_true_deg, fix.utc_ns) == (270.5, T0)
+    assert (void.lat_deg, void.fix_mode, void.usable) == (None, 1, False)
+    assert late.utc_ns is None
+    (heading,) = imported.headings
+    assert (heading.heading_true_deg, heading.pitch_deg, heading.roll_deg) == (10.0, 1.0, -2.0)
+    assert T0 < heading.t_ns < T0 + NS_PER_S
+    assert [rate.rate_deg_s for rate in imported.turn_rates] == [0.5]
+    (block,) = [block for frame in imported.frames for block in frame.imu]
+    assert (block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s) == ((0.5,), (-0.25,), (3.0,))
+    config = imported.session[0]["connected"]["config"]
+    assert [sensor["use"] for sensor in config["sensor"] if sensor["role"] == "imu"] == [[]]
+    account = imported.account("lines")
+    assert account["taken"] == {"ATT": 1, "IMU": 1, "TPV": 3}
+    assert account["ignored"] == {"TPV of the same epoch": 1, "VERSION": 1, "raw sentence": 1}
+    assert account["rejected"] == {"TPV lat: out of range": 1}
+
+
+def test_gpsd_repeats_old_angles_beside_new_ones(importer: Importer) -> None:
+    att = [
+        {"heading": 10.0},
+        {"heading": 10.0, "rot": 6.0},
+        {"heading": 11.0, "rot": 6.0},
+        {"heading": 11.0, "rot": 6.0},
+    ]
+    imported = importer.text("\n".join(json.dumps({"class": "ATT", **one}) for one in att))
+    assert [heading.heading_true_deg for heading in imported.headings] == [10.0, 11.0, 11.0]
+    assert [rate.rate_deg_s for rate in imported.turn_rates] == [pytest.approx(0.1)] * 2
+
+
+MAP = """
+[boat]
+id = "b"
+[time]
+column = "t"
+unix = true
+[fix]
+lat = "lat"
+lon = "lon"
+sog = "v"
+sog_scale = 2.0
+[heading]
+column = "psi"
+scale = -1.0
+offset_deg = 90.0
+[imu]
+yaw_rate = "r"
+yaw_rate_scale = -10.0
+"""
+
+
+def test_a_table_with_holes_and_rubbish(importer: Importer) -> None:
+    mapping = importer.directory / "map.toml"
+    mapping.write_text(MAP)
+    rows = [
+        "t;lat;lon;v;psi;r",
+        "1700000000;60,5;24.5;1;100;1",
+        "1700000000.5;;24.5;1;;nan",
+        "1700000001;60.5;250;1;x;2",
+        ";60;24;1;1;1",
+        "soon;60;24;1;1;1",
+        "1700000002;60;24;;-90;",
+    ]
+    imported = importer.text("\n".join(rows), "--map", str(mapping), name="in.csv")
+    assert [(fix.lat_deg, fix.lon_deg, fix.sog_kn) for fix in imported.fixes] == [(60.5, 24.5, 2.0), (60.0, 24.0, None)]
+    assert [heading.heading_true_deg for heading in imported.headings] == [350.0, 180.0]
+    assert [(rate.sensor, rate.rate_deg_s) for rate in imported.turn_rates] == [("gyro1", -10.0), ("gyro1", -20.0)]
+    assert imported.account("rows") == {
+        "total": 6,
+        "taken": {"with time": 4},
+        "ignored": {},
+        "rejected": {"time: empty": 1, "time: not a number": 1},
+    }
+    assert imported.account("rows for fix")["rejected"] == {"lon: out of range": 1}
+    assert imported.account("rows for fix")["ignored"] == {"empty": 1}
+    assert imported.account("rows for heading")["rejected"] == {"not a number": 1}
+
+
+def test_a_plan_of_plain_times_is_the_times() -> None:
+    plan = Plan(array("q", [T0, T0 + 5000, T0 + 4000, T0 + NS_PER_S]), 1.0)
+    assert [plan.at(number) for number in range(4)] == [T0, T0 + 5000, T0 + 4000, T0 + NS_PER_S]
+    assert plan.doubted == set()
+
+
+def seconds(*values: float | None) -> "array[int]":
+    return array("q", (NO_TIME if value is None else round(value * NS_PER_S) for value in values))
+
+
+def planned(plan: Plan, count: int) -> list[float | None]:
+    return [None if (t_ns := plan.at(number)) is None else t_ns / NS_PER_S for number in range(count)]
+
+
+def test_single_wrong_times_are_left_out() -> None:
+    assert planned(Plan(seconds(1, 2, 900_000, 3, 4, 5), 1.0), 6) == [1, 2, None, 3, 4, 5]
+    assert planned(Plan(seconds(101, 102, 3, 103, 104, 105), 1.0), 6) == [101, 102, None, 103, 104, 105]
+
+
+def test_a_step_back_that_lasts_moves_utc_not_boat_time() -> None:
+    plan = Plan(seconds(101, 102, 103, 51, 52, 53), 1.0)
+    assert planned(plan, 6) == [101, 102, 103, 104, 105, 106]
+    assert [plan.epoch(number) for number in (2, 3)] == [0, 1]
+    assert plan.shift_ns(3) == 53 * NS_PER_S
+
+
+def test_a_step_ahead_that_lasts_is_a_gap() -> None:
+    assert planned(Plan(seconds(1, 2, 1000, 1001, 1002), 1.0), 5) == [1, 2, 1000, 1001, 1002]
+
+
+def test_records_without_time_lie_between_those_with() -> None:
+    assert planned(Plan(seconds(None, 1, None, None, 4, None), 1.0), 6) == [None, 1, 2, 3, 4, 5.5]
+    assert planned(Plan(seconds(1, 2, 3, None, 1000), 1.0), 5) == [1, 2, 3, 3.5, 1000]
+    assert planned(Plan(seconds(None, None), 4.0), 2) == [0, 0.25]
+    assert planned(Plan(seconds(5, 5, 6), 1.0, spread=True, is_utc=False), 3) == [0, 0.5, 1]
+
+
+@given(st.lists(st.none() | st.integers(-4 * 10**18, 4 * 10**18), max_size=40), st.booleans(), st.booleans())
+def test_any_times_make_a_plan(times: list[int | None], spread: bool, is_utc: bool) -> None:
+    plan = Plan(array("q", (NO_TIME if t is None else t for t in times)), 1.0, spread=spread, is_utc=is_utc)
+    for number in range(len(times)):
+        t_ns = plan.at(number)
+        assert t_ns is None or (t_ns % 1000 == 0 and abs(t_ns) < 2**63)
+
+
+JUNK = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=6,
+)
+NUMBER = st.floats(-400, 400) | JUNK
+TIME = st.integers(0, 59).map(lambda second: iso(second - 20)) | JUNK
+OBJECT = st.fixed_dictionaries(
+    {"class": st.sampled_from(["TPV", "ATT", "IMU"])},
+    optional={
+        "time": TIME,
+        "device": JUNK,
+        **dict.fromkeys(("lat", "lon", "altMSL", "speed", "track", "mode", "status"), NUMBER),
+        **dict.fromkeys(("heading", "mheading", "pitch", "roll", "yaw", "rot", "acc_x", "acc_y", "gyro_z"), NUMBER),
+    },
+)
+VALUE = st.fixed_dictionaries(
+    {},
+    optional={
+        "path": st.sampled_from(
+            [f"navigation.{name}" for name in ("position", "headingTrue", "attitude", "rateOfTurn")]
+        )
+        | JUNK,
+        "value": NUMBER
+        | st.fixed_dictionaries({}, optional={"latitude": NUMBER, "longitude": NUMBER, "roll": NUMBER, "yaw": NUMBER}),
+    },
+)
+UPDATE = st.fixed_dictionaries(
+    {},
+    optional={"$source": JUNK, "source": JUNK, "timestamp": TIME, "values": st.lists(VALUE | JUNK, max_size=3) | JUNK},
+)
+DELTA = st.fixed_dictionaries(
+    {}, optional={"context": st.just(SELF) | JUNK, "updates": st.lists(UPDATE | JUNK, max_size=3) | JUNK}
+)
+
+
+def lines_of(content: st.SearchStrategy[Any]) -> st.SearchStrategy[list[str]]:
+    good = content.map(json.dumps)
+    cut_short = st.tuples(good, st.integers(0, 200)).map(lambda pair: pair[0][: pair[1]])
+    stamped = good.map(lambda line: f"1700000000000;I;{line}")
+    return st.lists(good | good | cut_short | stamped | st.text(max_size=20), max_size=12)
+
+
+class Given(Lines):
+    """Lines without a file."""
+
+    def __init__(self, lines: list[str]) -> None:
+        self._given = [line for text in lines for line in text.splitlines() if line.strip()]
+
+    def __iter__(self) -> Any:
+        return iter(self._given)
+
+
+def through(first: Reader, second: Reader) -> None:
+    """A whole import up to the frames' bytes: the codec refuses every value that is out of its range."""
+    times, config = array("q"), []
+    for record in first.records():
+        times.append(NO_TIME if record.t_ns is None else record.t_ns)
+        config += list(first.measure(record, record.t_ns or 0))
+    rates = cut.survey(cut.Placed(measurement, 0, 0) for measurement in config)
+    boat = cut.boat_config(first.boat, first.sensors(rates), None)
+    second.sources = first.sources
+    plan = Plan(times, 1.0)
+
+    def placed() -> Any:
+        for number, record in enumerate(second.records()):
+            t_ns = plan.at(number)
+            if t_ns is None:
+                second.leave_out(record, "no time")
+                continue
+            for measurement in second.measure(record, t_ns):
+                yield cut.Placed(measurement, plan.shift_ns(number), plan.epoch(number))
+
+    identity = cut.identity_of(cut.greeting_of(boat, "", {}))
+    known = {table.id for table in boat.sensor}
+    for frame in cut.frames_of(placed(), boat, identity, cut.Clock("rtc", 1)):
+        encode_frame(frame)
+        assert {one.sensor for name in ("fixes", "headings", "attitudes") for one in getattr(frame, name)} <= known
+
+
+@given(lines_of(OBJECT))
+def test_any_gpsd_lines_are_read_without_an_exception(lines: list[str]) -> None:
+    second = GpsdReader(Given(lines))
+    through(GpsdReader(Given(lines)), second)
+    assert second.account.total == len(list(Given(lines)))
+
+
+@given(lines_of(DELTA))
+def test_any_deltas_are_read_without_an_exception(lines: list[str]) -> None:
+    own = own_context(Given(lines))
+    through(SignalKReader(Given(lines), own), SignalKReader(Given(lines), own))
+
+
+@given(
+    lat=st.floats(-90, 90), lon=st.floats(-180, 180), speed=st.floats(0, 500), track=st.floats(0, 360),
+    heading=st.floats(0, 359.999), turn=st.floats(-100, 100), number=st.integers(1, 5),
+)  # fmt: skip
+def test_what_is_taken_is_what_was_said(
+    lat: float, lon: float, speed: float, track: float, heading: float, turn: float, number: int
+) -> None:
+    said = [
+        tpv(number, lat=lat, lon=lon, speed=speed, track=track),
+        json.dumps({"class": "ATT", "time": iso(number), "heading": heading, "rot": turn}),
+    ]
+    reader = GpsdReader(Given(said))
+    records = list(reader.records())
+    fix, compass, rate = [item for record in records for item in reader.measure(record, record.t_ns or 0)]
+    assert isinstance(fix, Fix)
+    assert isinstance(compass, Heading)
+    assert isinstance(rate, TurnRate)
+    assert (fix.lat_deg, fix.lon_deg, fix.t_ns) == (lat, lon, T0 + number * NS_PER_S)
+    assert fix.sog_kn == pytest.approx(speed * 3600 / 1852)
+    assert fix.cog_true_deg == pytest.approx(track % 360)
+    assert compass.heading_true_deg == pytest.approx(heading)
+    assert rate.rate_deg_s == pytest.approx(turn / 60)
+
+
+@given(st.text(max_size=30) | st.datetimes().map(lambda moment: moment.isoformat()))
+def test_any_text_for_a_time(text: str) -> None:
+    try:
+        found = utc_ns_of(text)
+    except Rejected:
+        return
+    assert found is not None
+    assert 0 <= found < 2**63
+
+
+def test_times_with_zones_and_leap_seconds() -> None:
+    assert utc_ns_of(ISO) == utc_ns_of("2023-11-15T00:13:20+02:00") == utc_ns_of("2023-11-14 22:13:20") == T0
+    assert utc_ns_of("2016-12-31T23:59:60Z") == utc_ns_of("2017-01-01T00:00:00Z")
+    assert utc_ns_of("2023-11-14T22:13:20.123456789Z") == T0 + 123_456_000
+
+
+FIELD = st.sampled_from(["", "nan", "1e400", "x", "-0", "1,5", "\u0661", "1700000000", "200", "60.5"]) | st.text(
+    max_size=6
+)
+
+
+@given(rows=st.lists(st.lists(FIELD, max_size=6), min_size=1, max_size=8), delimiter=st.sampled_from([",", ";"]))
+def test_any_rows_of_a_table_are_read_without_an_exception(
+    rows: list[list[str]], delimiter: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    mapping = ColumnMap(
+        boat=BoatTable(id="b"),
+        time=TimeColumn(column="t", unix=True),
+        fix=FixColumns(lat="lat", lon="lon", sog="v"),
+        heading=HeadingColumns(column="psi"),
+        imu=ImuColumns(yaw_rate="r", accel_fwd="v", accel_stb="psi"),
+    )
+    path = tmp_path_factory.mktemp("table") / "in.csv"
+    head = ["t", "lat", "lon", "v", "psi", "r"]
+    text = "\n".join(delimiter.join(row) for row in [head, ["1"] * 6, ["2"] * 6, ["3"] * 6, *rows])
+    path.write_text(text, encoding="utf-8", errors="replace")
+    try:
+        readers = ColumnReader(path, mapping), ColumnReader(path, mapping)
+    except WayfixError:  # quotes and blanks that leave no table
+        return
+    through(*readers)
+    total = readers[1].accounts[0].total
+    assert all(account.total <= total for account in readers[1].accounts[1:])
