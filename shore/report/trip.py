@@ -183,8 +183,8 @@ def _draw_times(axes: Any, trip: Trip) -> None:
     unsure = trip.rows[:, 8] == 0.0
     if unsure.any():
         grey = {"color": "#bbbbbb", "alpha": 0.35, "linewidth": 0, "zorder": 0}
-        axes.fill_between(_times(trip), low, high, where=unsure, label="not aligned", **grey)
-        axes.legend(loc="upper right", fontsize=8)
+        ground = axes.fill_between(_times(trip), low, high, where=unsure, label="not aligned", **grey)
+        axes.legend(handles=[ground], loc="upper right", fontsize=8)
     axes.set_ylim(low, high)
     if trip.has_utc:
         from matplotlib.dates import AutoDateLocator, ConciseDateFormatter

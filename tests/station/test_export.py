@@ -414,8 +414,10 @@ def test_order_of_time_filters_again_and_says_so(
     assert export(trip, "--to", "csv", tmp_path / "ekf.csv", "--order", "time", "--filter", "ekf") == 0
     for kind in ("mcap", "png"):
         assert export(trip, "--to", kind, tmp_path / f"time.{kind}", "--order", "time") == 0
-    schema = "/estimates/fuzzy"
-    assert len(mcap_messages(tmp_path / "time.mcap", schema)) == len(live)
+    assert len(mcap_messages(tmp_path / "time.mcap", "/estimates/fuzzy")) == len(live)
+    assert export(trip, "--to", "mcap", tmp_path / "live.mcap") == 0
+    events = [mcap_messages(tmp_path / f"{name}.mcap", "/events") for name in ("time", "live")]
+    assert events[0] == events[1]
 
 
 def test_late_frames_are_told_and_used_in_order_of_time(
@@ -427,6 +429,7 @@ def test_late_frames_are_told_and_used_in_order_of_time(
     late = tmp_path / "late.mcap"
     writer = LogWriter.at(late)
     writer.write_session(start_record(config, {"filters": ["ukf"]}, UTC_NS), UTC_NS)
+    frames[20], frames[40] = frames[40], frames[20]  # two seconds are not late
     for frame in (*frames[:150], *frames[250:], *frames[150:250]):
         writer.write_frame(encode_frame(frame), frame, UTC_NS + frame.t1_ns)
     writer.close()

@@ -11,6 +11,7 @@ from typing import Any
 
 import matplotlib.image as mpl_image
 import numpy as np
+import polars as pl
 import pynmea2
 import pytest
 from fastkml.validator import validate
@@ -28,6 +29,7 @@ from shore.logbook.exports import nmea
 from shore.logbook.exports.antimeridian import crossing
 from shore.logbook.exports.clocks import Clock, Clocks
 from shore.logbook.exports.png import SHOWN, _Thinned
+from shore.logbook.exports.text import iso
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
 from shore.report.trip import Trip, draw
@@ -91,6 +93,24 @@ def test_a_gap_a_reset_and_a_reboot_begin_a_new_piece(tmp_path: Path) -> None:
     assert export(log, "--to", "png", tmp_path / "a.png") == 0
 
 
+def test_the_first_filter_of_the_session_leads_and_states_may_change(tmp_path: Path) -> None:
+    """The board came back with other sensors: the columns stay those of the beginning."""
+    more = {"names": ("north_m", "east_m", "gyro_bias_rad_s"), "state": (1.0, 2.0, 3.0), "covariance": (1.0,) * 6}
+    items = [estimate(1.0, 1.0, 1.0, filter="kf"), estimate(1.0, 5.0, 5.0), estimate(2.0, 5.0, 5.0, **more)]
+    assert export(log_of(tmp_path / "log.mcap", items), "--to", "csv", tmp_path / "a.csv") == 0
+    rows = rows_of(tmp_path / "a.csv")
+    assert [row["lat_deg"] for row in rows] == ["5.0", "5.0"]
+    assert list(rows[0])[-2:] == ["east_m", "north_m"]
+    assert [(row["east_m"], row["north_m"]) for row in rows] == [("0.0", "0.0"), ("2.0", "1.0")]
+
+
+def test_a_table_of_many_rows_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shore.logbook.exports.parquet.ROWS", 7)
+    log = log_of(tmp_path / "log.mcap", [estimate(t_s, 1.0, t_s / 100) for t_s in range(1, 31)])
+    assert export(log, "--to", "parquet", tmp_path / "a.parquet") == 0
+    assert pl.read_parquet(tmp_path / "a.parquet")["lon_deg"].to_list() == [t_s / 100 for t_s in range(1, 31)]
+
+
 # The 180th meridian
 
 
@@ -113,13 +133,15 @@ def test_a_line_is_cut_at_the_180th_meridian(tmp_path: Path) -> None:
 def test_lines_of_a_log_without_utc_are_cut_in_kml_too(tmp_path: Path) -> None:
     places = [(-10.0, 179.99), (-10.02, -179.99)]
     made = {"clock": "from-zero"}
-    log = log_of(tmp_path / "log.mcap", [estimate(t_s, *place) for t_s, place in enumerate(places, 1)], made)
+    items = [*(estimate(t_s, *place) for t_s, place in enumerate(places, 1)), estimate(50.0, 1.0, 2.0)]
+    log = log_of(tmp_path / "log.mcap", items, made)
     assert export(log, "--to", "kml", tmp_path / "a.kml") == 0
     assert validate(file_to_validate=tmp_path / "a.kml")
     lines = re.findall(r"<coordinates>\s*(.*?)\s*</coordinates>", (tmp_path / "a.kml").read_text(), re.DOTALL)
     assert [line.split() for line in lines] == [
         ["179.990000000,-10.000000000", "180.000000000,-10.010000000"],
         ["-180.000000000,-10.010000000", "-179.990000000,-10.020000000"],
+        ["2.000000000,1.000000000"] * 2,
     ]
 
 
@@ -173,6 +195,10 @@ def test_between_two_knots_utc_is_a_straight_line_and_after_a_step_the_nearer_ho
     assert [drift.utc_ns(t_s * NS) for t_s in (-10, 110)] == [990 * NS, 1_110_500_000_000]
     step = clock(frame_at(0, 1000.0), frame_at(100, 2000.0, epoch=1))
     assert [step.utc_ns(t_s * NS) for t_s in (49, 51)] == [1049 * NS, 2051 * NS]
+    backfilled = clock(frame_at(100, 1000.5), frame_at(0, 1000.0), frame_at(200, 1000.5))
+    assert backfilled.utc_ns(50 * NS) == 1_050_250_000_000
+    soon = clock(frame_at(0, 1000.0), frame_at(2, 2000.0, epoch=1))
+    assert [soon.utc_ns(t_s * NS) for t_s in (0, 2)] == [1000 * NS, 2002 * NS]
 
 
 @given(st.lists(st.tuples(st.integers(0, 10_000), st.floats(-0.5, 0.5)), min_size=2, max_size=30))
@@ -321,7 +347,7 @@ def test_raw_takes_usable_fixes_of_the_first_receiver_only(tmp_path: Path) -> No
 
     frames = [
         empty_frame(1.0, fixes=(fix(0.9, fix_quality=0), fix(0.9, "gps1", held=True))),
-        empty_frame(2.0, fixes=(fix(1.9), fix(1.9, "gps1"), Fix(sensor="gps2", t_ns=2 * NS))),
+        empty_frame(2.0, fixes=(fix(1.9), fix(1.95, "gps1"), Fix(sensor="gps2", t_ns=2 * NS))),
         empty_frame(3.0, fixes=(fix(2.9), fix(1.5))),
     ]
     log = log_of(tmp_path / "log.mcap", frames)
@@ -400,3 +426,7 @@ def test_a_picture_of_a_log_has_right_places(tmp_path: Path, monkeypatch: pytest
     (happening,) = trip.events
     assert happening.code == "link-lost"
     assert happening.north_m == pytest.approx(trip.rows[2, 2])
+
+
+def test_times_are_written_to_the_microsecond() -> None:
+    assert iso(UTC_NS + 5_999) == "2026-11-18T11:06:40.000005Z"

@@ -17,7 +17,6 @@ ARRIVAL_NS: Final = 60 * NS_PER_S
 """The quickest of the frames of so long stands for their arrivals."""
 EARLIEST_NS: Final = 946_684_800 * NS_PER_S
 """1 January 2000: what arrived before is a log of times that are no UTC."""
-DAY_NS: Final = 86_400 * NS_PER_S
 _ARRIVAL: Final = 0
 """Rank of the arrivals: that of `none`."""
 

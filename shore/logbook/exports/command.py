@@ -109,7 +109,8 @@ def _target(arguments: argparse.Namespace, kind: Format) -> Target:
         check_target(out, [log], "choose another OUT")
     for path in files.values():
         if path.exists():
-            check_target(path, [log], "choose another OUT")
+            if "" not in files:
+                check_target(path, [log], "choose another OUT")
             _check_replaced(path, arguments, kind)
     return Target(out, files)
 

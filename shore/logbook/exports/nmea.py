@@ -9,7 +9,6 @@ from operator import xor
 from typing import BinaryIO, Final
 
 from common.units import NS_PER_MS, NS_PER_S
-from shore.logbook.exports.clocks import DAY_NS
 from shore.logbook.exports.track import Row, Track
 
 TALKER: Final = "IN"
@@ -33,7 +32,7 @@ def times(row: Row, *, has_time_of_day: bool) -> tuple[str, str]:
     utc_ns = row.utc_ns
     if utc_ns is None and not has_time_of_day:
         return "", ""
-    total_ms = (row.t_ns % DAY_NS if utc_ns is None else utc_ns) // NS_PER_MS
+    total_ms = (row.t_ns if utc_ns is None else utc_ns) // NS_PER_MS
     seconds, ms = divmod(total_ms, NS_PER_S // NS_PER_MS)
     moment = datetime.fromtimestamp(seconds, UTC)
     return f"{moment:%H%M%S}.{ms:03d}", "" if utc_ns is None else f"{moment:%d%m%y}"
