@@ -27,7 +27,7 @@ from common.errors import LinkError, WayfixError
 from shore.link import Link
 from shore.live import LiveRun, Options, StopFlag, Tally
 from shore.logbook.read import read_log
-from shore.replay import logged_config
+from shore.replay.run import logged_config
 from shore.score import score_of
 
 READY_S: Final = 20.0

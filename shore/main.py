@@ -16,7 +16,7 @@ from shore.logbook.arguments import add_arguments as add_log_arguments
 from shore.logbook.exports.arguments import add_arguments as add_export_arguments
 from shore.logbook.imports.arguments import add_arguments as add_import_arguments
 from shore.logbook.trip_arguments import add_trip_arguments
-from shore.replay_command import add_arguments as add_replay_arguments
+from shore.replay.command import add_arguments as add_replay_arguments
 from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
 
 # Five-by-five matrices get slower, and timings jump, when a linear algebra library starts threads for them.
@@ -174,7 +174,7 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 def _replay(arguments: argparse.Namespace) -> int:
     """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
-    from shore.replay_command import run
+    from shore.replay.command import run
 
     return run(arguments)
 

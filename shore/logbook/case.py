@@ -23,7 +23,7 @@ from common.errors import WayfixError
 from common.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from shore.replay import Played, Span
+    from shore.replay.run import Played, Span
 
 LOG, EXPECTED, EVENTS, CASE = "log.mcap", "expected.csv", "events.csv", "case.toml"
 EVERY_S: Final = 5.0
@@ -60,7 +60,7 @@ class Case:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Of `wayfix log case`."""
-    from shore.replay_command import add_span
+    from shore.replay.command import add_span
     from shore.terminal import add_json
 
     parser.add_argument("log", type=Path, help="any log")
@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Make a regression case of a log: its frames, and what a replay of them gives."""
-    from shore.replay_command import span_of
+    from shore.replay.command import span_of
     from shore.terminal import filters_named, finish, say, tell
 
     filters = filters_named(arguments.filters) if arguments.filters else ()
@@ -147,7 +147,7 @@ def write_expected(case: Case) -> None:
 
 def replayed(case: Case) -> dict[str, str]:
     """What the replay gives now, as the texts of both CSV files."""
-    from shore.replay import Replay
+    from shore.replay.run import Replay
 
     rows: list[Row] = []
     told: list[Row] = []
@@ -211,7 +211,7 @@ def _cut(log: Path, target: Path, filters: tuple[str, ...], span: "Span | None")
     """Frames of the span and their sessions, nothing else; the filters to replay."""
     from shore.logbook.read import read_log
     from shore.logbook.record import LogWriter
-    from shore.replay import Frames, Start
+    from shore.replay.run import Frames, Start
 
     frames = Frames(read_log(log), "arrival", span)
     asked: dict[str, Any] = {**frames.start.options}

@@ -21,7 +21,7 @@ from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
 from shore.logbook.case import EVERY_S, LOG, Case, write_case
 from shore.logbook.record import LogWriter
-from shore.replay import Span
+from shore.replay.run import Span
 from tests.offline import config_of, frames_of
 
 HERE = Path(__file__).parent

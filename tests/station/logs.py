@@ -11,11 +11,11 @@ from mcap.writer import Writer
 from common.codec import encode_frame
 from common.messages import Frame
 from common.sensors import BoatConfig
-from shore.comparison import Counts
 from shore.logbook.read import LogRecord, read_log
 from shore.logbook.record import LogWriter
 from shore.pipeline import Pipeline
-from shore.replay import Replay
+from shore.replay.comparison import Counts
+from shore.replay.run import Replay
 from tests.navigate.voyages import BOAT
 
 UTC_NS = 1_795_000_000_000_000_000

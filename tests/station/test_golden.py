@@ -24,7 +24,7 @@ from shore.logbook.case import (
 )
 from shore.logbook.read import read_log
 from shore.navigation.fuzzy import FUZZY
-from shore.replay import Replay
+from shore.replay.run import Replay
 from tests.golden.make_logs import CASES, HERE, write_log
 
 TOGETHER = 700_000

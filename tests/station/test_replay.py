@@ -11,7 +11,7 @@ import pytest
 from common.messages import Frame
 from shore.logbook.read import read_log
 from shore.main import main
-from shore.replay import Frames, Replay, Span
+from shore.replay.run import Frames, Replay, Span
 from tests.navigate.voyages import BOAT
 from tests.station.logs import OTHER, Done, all_equal, log_of, starts, with_backfill
 

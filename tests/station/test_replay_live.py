@@ -24,7 +24,7 @@ from shore.live import LiveRun, Options
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.navigation.estimate import Estimate
-from shore.replay import Replay
+from shore.replay.run import Replay
 from tests import offline
 from tests.offline import config_of, frames_of
 from tests.recordings import BLUEBOAT_235, BLUEBOAT_MAP

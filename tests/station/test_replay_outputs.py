@@ -15,8 +15,8 @@ from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.main import main
 from shore.pipeline import Pipeline
-from shore.replay import Replay
-from shore.replay_outputs import Show
+from shore.replay.outputs import Show
+from shore.replay.run import Replay
 from tests.station.logs import OTHER, UTC_NS, Done, all_equal, log_of, session, starts, with_backfill
 
 

@@ -16,11 +16,11 @@ from common.codec import decode_frame
 from common.errors import CodecError
 from common.messages import Fix, Frame
 from common.units import NS_PER_S
-from shore.comparison import STATION_EVENTS
 from shore.logbook.exports.clocks import Clock
 from shore.logbook.exports.survey import SHOWN_EACH, Survey
 from shore.logbook.read import LogReader
 from shore.logbook.schemas import ESTIMATES, FRAMES
+from shore.replay.comparison import STATION_EVENTS
 
 ORDERS: Final = ("recorded", "time")
 RAW: Final = "raw"
@@ -149,7 +149,7 @@ class Track:
         """Frames that can be decoded, in the order of the export, with their clock; at least all with this `kind`."""
         clocks = self.survey.clocks
         if self.order == "time":
-            from shore.replay import Frames
+            from shore.replay.run import Frames
 
             yield from ((clocks.of_frame(item.frame), item.frame) for item in Frames(self.reader, "time"))
             return
@@ -188,7 +188,7 @@ class Track:
             yield _Found(clocks.of_boot(estimate["boot_id"], estimate["t_ns"]), estimate, record.data)
 
     def _again(self, waiting: "_Waiting") -> Iterator[_Found]:
-        from shore.replay import Replay
+        from shore.replay.run import Replay
 
         for played in Replay(self.reader.path, [self.filter], order="time"):
             frame = played.arrival.frame

@@ -14,8 +14,8 @@ from common.errors import WayfixError
 from shore.terminal import add_filter_arguments, add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
 
 if TYPE_CHECKING:
-    from shore.comparison import Counts
-    from shore.replay import Played, Replay, Span
+    from shore.replay.comparison import Counts
+    from shore.replay.run import Played, Replay, Span
     from shore.score import Score
 
 LONGEST_S = 1e9
@@ -64,7 +64,7 @@ def add_span(parser: argparse.ArgumentParser) -> None:
 
 def span_of(arguments: argparse.Namespace) -> "Span":
     """The span asked for; raises WayfixError for one that ends before it begins."""
-    from shore.replay import Span
+    from shore.replay.run import Span
 
     if None not in (arguments.from_s, arguments.to_s) and arguments.to_s <= arguments.from_s:
         raise WayfixError("--to lies before --from", cure="give --from S --to T with S < T")
@@ -74,7 +74,7 @@ def span_of(arguments: argparse.Namespace) -> "Span":
 def run(arguments: argparse.Namespace) -> int:
     """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
     from common.whole_file import check_target
-    from shore.replay import Replay
+    from shore.replay.run import Replay
     from shore.score import consistency_table, score_table
 
     filters = filters_named(arguments.filters) if arguments.filters else None
@@ -121,7 +121,7 @@ class Watchers:
 
     def play(self) -> bool:
         """The whole replay; False after Ctrl-C, which leaves no half file."""
-        from shore.replay_outputs import NewLog, Show
+        from shore.replay.outputs import NewLog, Show
 
         arguments, replay = self._arguments, self._replay
         show = Show(replay.filters[0], arguments.speed, say) if arguments.speed else None
@@ -140,7 +140,7 @@ class Watchers:
 
     def smooth(self, path: Path) -> dict[str, Any]:
         """Write the smoothed track; raises WayfixError."""
-        from shore.replay import smoothed
+        from shore.replay.run import smoothed
         from shore.smooth import write_track
 
         name = self._replay.filters[0]
@@ -218,7 +218,7 @@ def _tell_order(replay: "Replay") -> None:
 
 def _compared(replay: "Replay") -> dict[str, Any]:
     """Say how the replay compares with the live run."""
-    from shore.comparison import Counts
+    from shore.replay.comparison import Counts
 
     comparison = replay.comparison
     if comparison is None or not comparison.estimates.recorded:

@@ -21,13 +21,13 @@ from common.messages import Frame
 from common.sensors import BoatConfig
 from common.settings import convert
 from common.units import NS_PER_S
-from shore.boat_order import FramesByTime
-from shore.comparison import STATION_EVENTS, Comparison, event_in
 from shore.logbook.read import LogReader, LogRecord, read_log
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, LINK, SESSION
 from shore.navigation.estimate import Estimate
 from shore.navigation.timeline import HORIZON_NS
 from shore.pipeline import Output, Pipeline
+from shore.replay.boat_order import FramesByTime
+from shore.replay.comparison import STATION_EVENTS, Comparison, event_in
 from shore.smooth import smooth_log
 
 ORDERS: Final = ("arrival", "time")
