@@ -139,7 +139,7 @@ def _info(result: Examination, *, with_config: bool) -> dict[str, Any]:
     connected = start.get("connected") or {}
     config = connected.get("config") or {}
     about = {
-        "trip": result.last("summary") or result.summary(),
+        "trip": result.summary(),
         "start_utc": iso(result.first_ns),
         "end_utc": iso(result.last_ns),
         "sensors": config.get("sensor", []),

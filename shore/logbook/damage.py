@@ -79,13 +79,15 @@ class Part:
     """From the chunk's own head, or from the index of the file."""
     times_ns: list[int] = field(default_factory=list)
     """From the message indexes behind a chunk whose length is intact."""
+    is_counted: bool = True
+    """All of these indexes are sound."""
 
     def span(self, before_ns: int | None, after_ns: int | None) -> tuple[int, int] | None:
         """First and last log time, where what is known of them agrees."""
         if self.span_ns is None:
             return None
         start, end = self.span_ns
-        if self.times_ns:
+        if self.times_ns and self.is_counted:
             return self.span_ns if (min(self.times_ns), max(self.times_ns)) == self.span_ns else None
         is_between = (before_ns is None or before_ns <= start) and (after_ns is None or end <= after_ns)
         return self.span_ns if start <= end and is_between else None
@@ -95,7 +97,7 @@ def loss_of(parts: list[Part], before_ns: int | None, after_ns: int | None, *, i
     """Neighbouring parts as one loss. before, after: log time of the records kept around; is_end: the log ends here."""
     spans = [part.span(before_ns, after_ns) for part in parts]
     known = [span for span in spans if span is not None]
-    counts = [len(part.times_ns) for part in parts]
+    counts = [len(part.times_ns) if part.is_counted else 0 for part in parts]
     is_exact = len(known) == len(parts) and not is_end
     start_ns, end_ns = before_ns, after_ns
     if is_exact:

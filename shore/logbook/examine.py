@@ -75,20 +75,26 @@ class Examination:
         metadata = self.metadata.get(TRIP)
         if metadata is None or self.reader.losses:
             return False
-        told = [each if each.get("kind") == "summary" else each.get("summary") for each in self.sessions]
-        summaries = [as_metadata(each) for each in told if isinstance(each, dict)]
+        summaries = [as_metadata(each) for each in self._told()]
         return bool(summaries) and metadata not in summaries
+
+    def _told(self) -> list[dict[str, Any]]:
+        """Summaries that the log itself holds, in their order."""
+        told = [each if each.get("kind") == "summary" else each.get("summary") for each in self.sessions]
+        return [each for each in told if isinstance(each, dict)]
 
     def last(self, kind: str) -> dict[str, Any] | None:
         """The newest session record of this kind."""
         return next((record for record in reversed(self.sessions) if record.get("kind") == kind), None)
 
     def summary(self) -> dict[str, Any]:
-        """The trip as its sound records tell it."""
-        record = self.trip.as_record()
-        if record["utc_ns"] is None:
-            record["utc_ns"] = self.first_ns
-        return record
+        """The trip: as the log was written, or else as its sound records tell it; with the last name it was given."""
+        computed = self.trip.as_record()
+        if computed["utc_ns"] is None:
+            computed["utc_ns"] = self.first_ns
+        told = self._told()
+        words = {name: computed[name] for name in KEPT if computed[name]}
+        return {**(told[-1] if told else {"kind": "summary", **computed}), **words}
 
     def take(self, topic: str, data: bytes, log_time_ns: int) -> None:
         """One record."""

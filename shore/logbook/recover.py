@@ -70,7 +70,7 @@ def recover(source: Path, target: Path | None, trip: dict[str, Any] | None, watc
         for record in words:
             result.trip.session(record, 0)
         losses = [loss.as_record() for loss in result.reader.losses]
-        summary = {**(result.last("summary") or result.summary()), **(trip or {}), "kind": "summary"}
+        summary = result.summary()
         end = {"kind": "recovered", "from": source.name, "losses": losses, "summary": summary}
         is_named_anew = trip is not None and TRIP in result.metadata
         return [*words, end], summary if is_named_anew else None
@@ -87,9 +87,8 @@ def name_log(path: Path, trip: dict[str, Any], watch: Watch) -> Rewritten:
         if result.state != "whole":
             cure = f"`wayfix log recover {path.name}` with the same --name, --place and --note"
             raise WayfixError(f"is {result.state}", str(path), cure)
-        words = {key: value for key, value in trip.items() if key != "kind"}
-        summary = {**(result.last("summary") or {"kind": "summary", **result.summary()}), **words}
-        return [trip, summary], summary
+        result.trip.session(trip, 0)
+        return [trip, result.summary()], result.summary()
 
     return _rewrite(path, path, added, watch)
 

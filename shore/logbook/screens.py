@@ -158,7 +158,7 @@ def _counts(result: Examination) -> str:
 
 def info_screen(result: Examination, *, with_config: bool) -> Iterator[RenderableType]:
     """`log info`."""
-    summary = {**result.summary(), **{k: v for k, v in (result.last("summary") or {}).items() if v is not None}}
+    summary = result.summary()
     grid = _grid()
     for label, text in _trip_rows(result, summary):
         grid.add_row(label, text)

@@ -41,7 +41,6 @@ Item = Message | Metadata | Attachment
 BLOCK: Final = 4 * 2**20
 """Bytes that are searched at once."""
 LOG_START: Final = MAGIC + b"\x01"
-_LEAST_CHUNK: Final = HEAD.size + 40
 _OTHER_KINDS: Final = (
     Opcode.MESSAGE_INDEX,
     Opcode.METADATA,
@@ -124,13 +123,13 @@ class Log:
             is_mistyped = opcode != Opcode.CHUNK
             is_vouched_for = chunk.crc != 0 or not is_mistyped
             return Record(Opcode.CHUNK, at, end, content, chunk, is_mistyped) if is_vouched_for else None
+        if opcode >= PRIVATE and self._tail is not None and at in (self._tail.chunks or ()):
+            return None
         return Record(opcode, at, end, content, None, False) if self._fits(opcode, content) else None
 
     def _fits(self, opcode: int, content: bytes) -> bool:
         """Whether the content has the form of its kind, and such a record may stand here."""
         if opcode == Opcode.MESSAGE:
-            if self._parts:
-                return False
             return not self._has_chunks or not any(is_parsed(kind, content) for kind in _OTHER_KINDS)
         if opcode == Opcode.DATA_END:
             return self._tail is None and len(content) == DATA_END_SIZE - HEAD.size
@@ -230,7 +229,8 @@ class Log:
     def _take_message(self, record: Record) -> Iterator[Message]:
         message = message_of(record.content, self._channels)
         if message[0] is None:
-            self._parts.append(Part(record.at, record.end, "a record of an unknown channel"))
+            span = message[2], message[2]
+            self._parts.append(Part(record.at, record.end, "a record of an unknown channel", span, [message[2]]))
             return
         self._end_parts(message[2])
         self._last_ns = message[2]
@@ -255,7 +255,7 @@ class Log:
             self._scan.flaw(at, index_end, "damage in a message index")
             return index_end
         chunks = self._tail.chunks if self._tail is not None else None
-        if chunks is not None:
+        if chunks:
             return self._pass_over_listed(at)
         after = self._scan.search(at + 1, self._limit)
         if after is None:
@@ -264,8 +264,6 @@ class Log:
             return self._limit if self._tail is not None else self._cut_at(at)
         if self._begins_log(after):
             self._end_at_new_log(at, after)
-        elif after - at < _LEAST_CHUNK and not self._parts:
-            self._scan.flaw(at, after, "damage between chunks")
         else:
             self._parts.append(Part(at, after, "damage"))
         return after
@@ -287,6 +285,7 @@ class Log:
         if listed is None:
             if self._parts:
                 self._parts[-1].end_byte = after
+                self._parts[-1].is_counted = False
             else:
                 self._scan.flaw(at, after, "damage between chunks")
             return after
@@ -343,16 +342,14 @@ class Log:
         scan = self._scan
         missing = statistics.message_count - self.kept
         losses = scan.losses[self._losses_before :]
-        counted = [loss.records for loss in losses if loss.records is not None]
-        if not losses and missing > 0:
+        open_ones = [place for place, loss in enumerate(losses, self._losses_before) if loss.records is None]
+        unnamed = missing - sum(loss.records or 0 for loss in losses)
+        if unnamed > 0 and not open_ones:
             span = statistics.message_start_time, statistics.message_end_time
             reason = "the log counts more records than it holds"
-            scan.losses.append(Loss(self._base, end, *span, is_exact=False, records=missing, reason=reason))
-        elif len(losses) == 1 and missing > 0:
-            scan.losses[-1] = replace(losses[0], records=missing)
-        elif len(counted) == len(losses) - 1 and missing >= sum(counted):
-            place = next(i for i, loss in enumerate(scan.losses) if i >= self._losses_before and loss.records is None)
-            scan.losses[place] = replace(scan.losses[place], records=missing - sum(counted))
+            scan.losses.append(Loss(self._base, end, *span, is_exact=False, records=unnamed, reason=reason))
+        elif unnamed > 0 and len(open_ones) == 1:
+            scan.losses[open_ones[0]] = replace(scan.losses[open_ones[0]], records=unnamed)
 
     def _finish_without_tail(self, at: int) -> None:
         """The data ended in order; the index behind them is damaged, cut, or that of another log's neighbour."""

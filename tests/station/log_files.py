@@ -138,7 +138,11 @@ def check_against(truth: Seen, harmed: Seen, *, is_counted: bool = True) -> list
 
 
 def other_writer(
-    *, compression: CompressionType = CompressionType.ZSTD, topics: tuple[str, ...] = ("/a", "/b"), **options: Any
+    *,
+    compression: CompressionType = CompressionType.ZSTD,
+    topics: tuple[str, ...] = ("/a", "/b"),
+    repeats: bool = False,
+    **options: Any,
 ) -> bytes:
     """A log of another program: two channels, metadata, an attachment."""
     stream = io.BytesIO()
@@ -148,6 +152,11 @@ def other_writer(
     channels = [writer.register_channel(topic, "json", schema, {"unit": "m"}) for topic in topics]
     writer.add_metadata("about", {"who": "somebody"})
     for number in range(60):
+        if repeats and number % 10 == 0:  # a writer that says in each chunk what its channels are
+            writer.flush()  # type: ignore[no-untyped-call]
+            writer._Writer__chunk_builder.add_schema(writer._Writer__schemas[schema])  # type: ignore[attr-defined]
+            for key in channels:
+                writer._Writer__chunk_builder.add_channel(writer._Writer__channels[key])  # type: ignore[attr-defined]
         channel = channels[number % len(channels)]
         writer.add_message(channel, UTC_NS + number * EACH_NS, b'{"n":%d}' % number, number, number)
     writer.add_attachment(UTC_NS, UTC_NS, "chart.txt", "text/plain", b"rocks " * 40)

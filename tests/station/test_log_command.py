@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from common.codec import encode_frame
 from common.errors import WayfixError
 from common.events import event
 from common.messages import Frame
@@ -80,12 +81,10 @@ def test_frames_that_the_link_lost_are_told_from_those_the_file_lost(
     assert "92, 8 never came over the link" in said
     (report,) = json.loads(said.splitlines()[-1])["logs"]
     assert report["frames"] == {"count": 92, "missing_in_file": 0, "missing_on_link": 8}
-    for content in (path.read_bytes(), path.read_bytes()[:-3000]):
-        put(path, harmed(content if content in path.read_bytes() else content, 3)) if content[-1:] == b"\n" else None
     put(path, harmed(path.read_bytes(), 8))
     assert wayfix_log("verify", path, "--json") == 1
     (report,) = answer(capsys)["logs"]
-    assert report["frames"] == {"count": 72, "missing_in_file": 20, "missing_on_link": 8}
+    assert report["frames"] == {"count": 82, "missing_in_file": 10, "missing_on_link": 8}
 
 
 def test_a_cut_log_names_the_last_moment_it_knows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -167,7 +166,7 @@ def trips(tmp_path: Path) -> Path:
         named.write_event(happening, UTC_NS + HOUR_NS + number * EACH_NS)
     named.close()
     put(directory / "old.mcap", log_bytes(100))
-    put(directory / "cut.mcap", log_bytes(100)[:-4000])
+    put(directory / "cut.mcap", log_bytes(100)[:-12_000])
     put(directory / "notes.mcap", b"no log at all")
     (directory / ".hidden.mcap.1.part").write_bytes(b"")
     (directory / "notes.txt").write_text("x")
@@ -177,7 +176,7 @@ def trips(tmp_path: Path) -> Path:
 def test_ls_lists_trips_newest_first(trips: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert wayfix_log("ls", trips, "--json") == 0
     rows = answer(capsys)["trips"]
-    assert [Path(row["log"]).name for row in rows][0] == "20261118T120640Z-springer.mcap"
+    assert Path(rows[0]["log"]).name == "20261118T120640Z-springer.mcap"
     by_name = {Path(row["log"]).name: row for row in rows}
     assert set(by_name) == {"20261118T120640Z-springer.mcap", "old.mcap", "cut.mcap", "notes.mcap"}
     old = by_name["old.mcap"]
@@ -212,8 +211,8 @@ def test_screens_fit_the_terminal(
     listing = capsys.readouterr().out
     for log in trips.glob("*.mcap"):
         assert log.name in listing
-    if width >= 80:
-        assert "sea trial [1/2], Solent" in " ".join(listing.split()) or width == 120
+    if width != 120:  # there the words need a second line
+        assert "sea trial [1/2], Solent" in listing
     assert wayfix_log("info", trips / "20261118T120640Z-springer.mcap") == 0
     assert wayfix_log("info", trips / "cut.mcap") == 0
     assert wayfix_log("verify", trips / "old.mcap") == 1
@@ -293,8 +292,6 @@ def test_census_counts_frames_whatever_their_order() -> None:
 
 def test_a_light_frame_has_what_a_summary_needs() -> None:
     whole: Frame = frame(7)
-    from common.codec import encode_frame
-
     light = light_frame(encode_frame(whole))
     for name in ("boat_id", "boot_id", "seq", "first_seq", "clock_id", "start_no", "t0_ns", "t1_ns"):
         assert getattr(light, name) == getattr(whole, name)
