@@ -6,8 +6,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
 FAST := -m "not slow"
-# Tests without clock, process or port of their own run on all cores, one after the other would take twice as long.
-PURE := $(addprefix tests/,acquire lab layout messages navigate simulate)
+# Tests that wait for no clock and no port run on all cores, one after the other would take twice as long.
+PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
 REAL := $(addprefix --ignore=,$(PURE))
 
 .PHONY: demo test test-slow golden soak nightly loopback lint check-python clean help
