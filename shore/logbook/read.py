@@ -47,6 +47,8 @@ class LogReader:
     def __init__(self, path: Path) -> None:
         """Raises WayfixError when the file is missing, empty or no MCAP file."""
         self.path = path
+        if path.exists() and not path.is_file() and not path.is_dir():  # a pipe waits for ever, a device never ends
+            raise WayfixError("is no plain file", str(path), "give the path of a log file")
         self.is_being_written = is_being_written(path)
         """Another program holds the lock of a writer on it."""
         self._scan: Scan | None = None
@@ -149,7 +151,7 @@ class LogReader:
             head = stream.read(len(MAGIC))
             size = stream.seek(0, 2)
             stream.seek(max(0, size - len(MAGIC)))
-            foot = stream.read()
+            foot = stream.read(len(MAGIC))
         except OSError as error:
             raise self._unreadable(error) from error
         if not head:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -270,6 +271,13 @@ def test_what_is_no_log_is_told_in_one_sentence(tmp_path: Path, content: bytes |
 def test_a_directory_in_place_of_a_log_is_told(tmp_path: Path) -> None:
     with pytest.raises(WayfixError, match="cannot be read"):
         read_log(tmp_path)
+
+
+def test_a_pipe_and_a_device_are_no_logs(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(WayfixError, match="is no plain file"):
+            read_log(path)
 
 
 def test_a_session_record_is_on_the_disk_at_once(tmp_path: Path) -> None:
