@@ -501,6 +501,16 @@ def test_what_is_read_is_never_lost(trip: Path, tmp_path: Path) -> None:
     assert log.read_bytes() == copy.read_bytes() == before
 
 
+def test_force_leaves_a_foreign_gpx_alone(trip: Path, tmp_path: Path) -> None:
+    target = tmp_path / "other.gpx"
+    assert export(trip, "--to", "gpx", target) == 0
+    foreign = target.read_bytes().replace(b'creator="wayfix"', b'creator="Garmin"')
+    target.write_bytes(foreign)
+    with pytest.raises(WayfixError):
+        export(trip, "--to", "gpx", target, "--force")
+    assert target.read_bytes() == foreign
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_only_force_replaces_and_only_its_own_kind(kind: str, trip: Path, out: Path, tmp_path: Path) -> None:
     target = tmp_path / f"a.{kind}"

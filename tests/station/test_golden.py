@@ -30,15 +30,15 @@ from tests.golden.make_logs import CASES, HERE, write_log
 TOGETHER = 700_000
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", sorted(path.parent.name for path in HERE.glob(f"*/{LOG}")))
 def test_it_replays_as_expected(name: str) -> None:
     found = differences(read_case(HERE / name))
     assert not found, "\n".join(found[:20])
 
 
-def test_the_cases_are_small_and_all_of_them_are_made_by_the_script() -> None:
+def test_the_cases_are_small_and_none_of_the_scripts_is_missing() -> None:
     logs = {path.parent.name: path.stat().st_size for path in HERE.glob(f"*/{LOG}")}
-    assert set(logs) == set(CASES)
+    assert set(logs) >= set(CASES)  # a voyage of anybody's may stand beside them
     assert max(logs.values()) <= LOG_LIMIT
     assert sum(logs.values()) <= TOGETHER
 

@@ -34,5 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--every", type=number(float, 0.001, 86_400.0), metavar="SECONDS", help="one row in so many (default: all)"
     )
-    parser.add_argument("--force", action="store_true", help="replace OUT when it is an export of the same kind")
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="replace OUT when it is of the same kind (csv, gpx, nmea, mcap: of ours)",
+    )
     parser.add_argument("--json", action="store_true", help="last line of stdout is one JSON object")

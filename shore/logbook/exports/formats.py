@@ -13,7 +13,10 @@ class Format(NamedTuple):
 
     module: str
     begins: Callable[[bytes], bool]
-    """Is what begins like this a file of this kind, of ours? Only such a one is ever replaced."""
+    """Is what begins like this a file of this kind? Only such a one is ever replaced.
+
+    KML, GeoJSON, Parquet and PNG do not say at their beginning who wrote them.
+    """
     is_table: bool = False
     """It fills a directory too."""
     needs: str | None = None
@@ -44,7 +47,9 @@ HEAD: Final = 256
 _XML: Final = b"<?xml"
 FORMATS: Final[dict[str, Format]] = {
     "csv": Format(f"{_HERE}.csv_file", lambda head: head.startswith(b"t_s,utc,t_ns,"), is_table=True),
-    "gpx": Format(f"{_HERE}.gpx", lambda head: head.startswith(_XML) and b"<gpx " in head),
+    "gpx": Format(
+        f"{_HERE}.gpx", lambda head: head.startswith(_XML) and b'<gpx version="1.1" creator="wayfix"' in head
+    ),
     "kml": Format(f"{_HERE}.kml", lambda head: head.startswith(_XML) and b"<kml " in head),
     "geojson": Format(f"{_HERE}.geojson", lambda head: head.startswith(b'{"type": "FeatureCollection"')),
     "nmea": Format(f"{_HERE}.nmea", lambda head: head.startswith(b"$IN")),
