@@ -7,6 +7,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,6 +22,9 @@ def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
     extra: the installation extra that brings the program's packages.
     """
     _open_closed()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # what the terminal's letters cannot show is shown by its number
+            stream.reconfigure(errors="backslashreplace")
     try:
         code = command()
         sys.stdout.flush()

@@ -227,6 +227,8 @@ class Demo:
             live = LiveRun(link, options, self._supervise, say)
             self._virtual.tell("go")
             tally = live.run()
+            if live.log_fault is not None:
+                raise live.log_fault
             assert live.log_path is not None
             return tally, live.log_path
         finally:

@@ -86,6 +86,8 @@ class Recorder:
     def __init__(self, directory: Path | None, boat_id: str, say: Callable[[str], None]) -> None:
         """Raises WayfixError when the directory cannot be written."""
         self.path: Path | None = None
+        self.fault: WayfixError | None = None
+        """Why the log ended before the run."""
         self._say = say
         self._writer: LogWriter | None = None
         if directory is not None:
@@ -99,6 +101,7 @@ class Recorder:
         try:
             action(self._writer)
         except WayfixError as error:
+            self.fault = error
             self._say(f"error: log: {error}; the run goes on without a log")
             self._end()
 
@@ -143,6 +146,11 @@ class LiveRun:
     def log_path(self) -> Path | None:
         """The log file, when one is written."""
         return self._recorder.path
+
+    @property
+    def log_fault(self) -> WayfixError | None:
+        """Why the log ended before the run, if it did."""
+        return self._recorder.fault
 
     def run(self) -> Tally:
         """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 from common.angles import difference_deg
 from common.errors import WayfixError
 from common.units import NS_PER_S
+from common.whole_file import part_of
 
 if TYPE_CHECKING:
     from shore.replay.run import Played, Span
@@ -110,7 +111,7 @@ def write_case(log: Path, case: Case, span: "Span | None" = None) -> dict[str, i
     directory = case.directory
     if directory.exists():
         raise WayfixError("exists already, a case is never overwritten", str(directory), "choose another name")
-    part = directory.with_name(f".{directory.name}.part")
+    part = part_of(directory)
     try:
         part.mkdir()
     except OSError as error:

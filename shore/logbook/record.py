@@ -175,10 +175,13 @@ class LogWriter:
             action()
         except OSError as error:
             self._failed = True
-            cure = "free some space or log to another disk; what was written stays readable"
-            raise WayfixError(
-                f"the log cannot be written any further ({error.strerror})", str(self.path), cure
-            ) from error
+            what, cure = (
+                f"the log cannot be written any further ({error.strerror})",
+                "free some space or use another disk",
+            )
+            if self._final is None:
+                cure += "; what was written stays readable"
+            raise WayfixError(what, str(self._final or self.path), cure) from error
 
 
 def _new_file(directory: Path, boat_id: str, utc_ns: int) -> FileIO:

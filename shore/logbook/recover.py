@@ -29,7 +29,7 @@ from shore.logbook.walk import Item
 
 Watch = Callable[[str, Scan], None]
 """Called now and then with what is being done."""
-_CURE: Final = "free some space or give another OUT; the source is as it was"
+_CURE: Final = "free some space or check rights; the log that was read is as it was"
 
 
 class _Whole(NamedTuple):
@@ -69,6 +69,8 @@ def recover(source: Path, target: Path | None, trip: dict[str, Any] | None, watc
         words = [] if trip is None else [trip]
         for record in words:
             result.trip.session(record, 0)
+        if not result.counts:
+            raise WayfixError("holds no sound record", str(source), "nothing of it can be recovered")
         losses = [loss.as_record() for loss in result.reader.losses]
         summary = result.summary()
         end = {"kind": "recovered", "from": source.name, "losses": losses, "summary": summary}

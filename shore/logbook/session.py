@@ -4,10 +4,13 @@ import platform
 from importlib.metadata import version
 from typing import Any, Final
 
+from common.errors import WayfixError
 from shore.logbook.summary import KEPT
 
 LIBRARIES: Final = ("wayfix", "numpy", "msgpack", "mcap", "pygeomag")
 """Those that a replay depends on."""
+LONGEST: Final = {"name": 200, "place": 200, "note": 2000}
+"""Letters."""
 
 
 def start_record(connected: dict[str, Any], options: dict[str, Any], utc_ns: int) -> dict[str, Any]:
@@ -21,7 +24,20 @@ def start_record(connected: dict[str, Any], options: dict[str, Any], utc_ns: int
 
 
 def trip_record(name: str | None, place: str | None, note: str | None) -> dict[str, Any] | None:
-    """What a person calls the trip; `None` when nothing is given."""
+    """What a person calls the trip; `None` when nothing is given. Raises WayfixError for what no screen can show."""
     words = dict(zip(KEPT, (name, place, note), strict=True))
+    for key, value in words.items():
+        _check(key, value or "")
     given = {key: value for key, value in words.items() if value}
     return {"kind": "trip", **given} if given else None
+
+
+def _check(key: str, value: str) -> None:
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise WayfixError("is no UTF-8 text", f"--{key}", "write it in a UTF-8 terminal") from error
+    if len(value) > LONGEST[key]:
+        raise WayfixError(f"is {len(value)} letters long", f"--{key}", f"give {LONGEST[key]} at most")
+    if any(not letter.isprintable() and letter != "\n" for letter in value):
+        raise WayfixError("holds control characters", f"--{key}", "leave them out")

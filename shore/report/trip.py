@@ -80,7 +80,7 @@ def draw(stream: BinaryIO, trip: Trip) -> None:
     below.set_xlabel("UTC" if trip.has_utc else "time, s")
     with catch_warnings():
         simplefilter("ignore", UserWarning)  # a name in letters that matplotlib's font lacks shows boxes
-        figure.savefig(stream, format="png")
+        figure.savefig(stream, format="png", metadata={"Software": "wayfix"})
     plt.close(figure)
 
 

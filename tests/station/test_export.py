@@ -501,13 +501,24 @@ def test_what_is_read_is_never_lost(trip: Path, tmp_path: Path) -> None:
     assert log.read_bytes() == copy.read_bytes() == before
 
 
-def test_force_leaves_a_foreign_gpx_alone(trip: Path, tmp_path: Path) -> None:
-    target = tmp_path / "other.gpx"
-    assert export(trip, "--to", "gpx", target) == 0
-    foreign = target.read_bytes().replace(b'creator="wayfix"', b'creator="Garmin"')
+@pytest.mark.parametrize(
+    ("kind", "ours", "theirs"),
+    [
+        ("gpx", b'creator="wayfix"', b'creator="Garmin"'),
+        ("kml", b"<!-- of wayfix export -->", b""),
+        ("geojson", b'"generator": "wayfix", ', b""),
+        ("png", b"wayfix", b"others"),
+    ],
+)
+def test_force_leaves_foreign_files_of_the_kind_alone(
+    kind: str, ours: bytes, theirs: bytes, trip: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / f"other.{kind}"
+    assert export(trip, "--to", kind, target) == 0
+    foreign = target.read_bytes().replace(ours, theirs, 1)
     target.write_bytes(foreign)
-    with pytest.raises(WayfixError):
-        export(trip, "--to", "gpx", target, "--force")
+    with pytest.raises(WayfixError, match=r"is no .* file of `wayfix export`"):
+        export(trip, "--to", kind, target, "--force")
     assert target.read_bytes() == foreign
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import shutil
 from importlib import import_module
 from pathlib import Path
@@ -142,6 +143,14 @@ def test_any_log_becomes_a_case_cut_to_its_span(tmp_path: Path, capsys: pytest.C
     assert command(*asked) == 2
     assert "never overwritten" in capsys.readouterr().err
     assert before == {path.name: path.read_bytes() for path in target.iterdir()}
+
+
+def test_what_a_killed_command_left_blocks_no_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / ".k9.part").mkdir()
+    (tmp_path / f".k9.{os.getpid() + 1}.part").mkdir()
+    assert command(HERE / "moored" / LOG, tmp_path / "k9") == 0
+    capsys.readouterr()
+    assert not differences(read_case(tmp_path / "k9"))
 
 
 def test_a_case_without_frames_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

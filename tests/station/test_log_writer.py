@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from common.errors import WayfixError
 from common.events import event
 from common.simulation.scenarios import scenario_voyage
+from shore.live import Recorder
 from shore.logbook import foxglove
 from shore.logbook.lock import is_being_written
 from shore.logbook.record import LogWriter
@@ -142,6 +143,49 @@ def test_a_log_is_locked_while_it_is_written(tmp_path: Path) -> None:
     writer.close()
     assert not is_being_written(writer.path)
     assert not is_being_written(tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("\udcff", "no UTF-8"), ("x" * 201, "201 letters"), ("\x1b[31mred", "control characters")]
+)
+def test_a_name_that_no_screen_can_show_is_refused(name: str, words: str) -> None:
+    with pytest.raises(WayfixError, match=f"--name: .*{words}"):
+        trip_record(name, None, None)
+
+
+def test_a_full_disk_names_the_log_and_promises_no_part_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    grown, at_once = LogWriter(tmp_path, "springer", UTC_NS), LogWriter.at(tmp_path / "out.mcap")
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(WayfixError, match="what was written stays readable"):
+        grown.sync()
+    with pytest.raises(WayfixError) as caught:
+        at_once.sync()
+    monkeypatch.undo()
+    assert str(caught.value).startswith(str(tmp_path / "out.mcap"))
+    assert "stays readable" not in str(caught.value)
+    grown.close()
+    at_once.abandon()
+
+
+def test_the_run_goes_on_without_a_log_and_knows_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    recorder = Recorder(tmp_path, "springer", said.append)
+    recorder.write(LogWriter.sync)
+    assert recorder.fault is None
+
+    def full(_descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    recorder.write(LogWriter.sync)
+    recorder.write(LogWriter.sync)
+    monkeypatch.undo()
+    assert "No space left" in str(recorder.fault)
+    assert len(said) == 1
+    recorder.close()
 
 
 def test_a_trip_has_only_the_words_that_were_given() -> None:

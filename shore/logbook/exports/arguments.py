@@ -37,6 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force",
         action="store_true",
-        help="replace OUT when it is of the same kind (csv, gpx, nmea, mcap: of ours)",
+        help="replace OUT when it is of ours and of the same kind (parquet: anybody's)",
     )
     parser.add_argument("--json", action="store_true", help="last line of stdout is one JSON object")

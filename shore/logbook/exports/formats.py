@@ -13,9 +13,9 @@ class Format(NamedTuple):
 
     module: str
     begins: Callable[[bytes], bool]
-    """Is what begins like this a file of this kind? Only such a one is ever replaced.
+    """Is what begins like this a file of this kind, of ours? Only such a one is ever replaced.
 
-    KML, GeoJSON, Parquet and PNG do not say at their beginning who wrote them.
+    A Parquet file does not say at its beginning who wrote it.
     """
     is_table: bool = False
     """It fills a directory too."""
@@ -50,12 +50,19 @@ FORMATS: Final[dict[str, Format]] = {
     "gpx": Format(
         f"{_HERE}.gpx", lambda head: head.startswith(_XML) and b'<gpx version="1.1" creator="wayfix"' in head
     ),
-    "kml": Format(f"{_HERE}.kml", lambda head: head.startswith(_XML) and b"<kml " in head),
-    "geojson": Format(f"{_HERE}.geojson", lambda head: head.startswith(b'{"type": "FeatureCollection"')),
+    "kml": Format(f"{_HERE}.kml", lambda head: head.startswith(_XML) and b"<!-- of wayfix export -->" in head),
+    "geojson": Format(
+        f"{_HERE}.geojson", lambda head: head.startswith(b'{"type": "FeatureCollection", "generator": "wayfix"')
+    ),
     "nmea": Format(f"{_HERE}.nmea", lambda head: head.startswith(b"$IN")),
     "mcap": Format(f"{_HERE}.mcap_file", lambda head: head.startswith(b"\x89MCAP0") and b"wayfix-export" in head),
     "parquet": Format(
         f"{_HERE}.parquet", lambda head: head.startswith(b"PAR1"), is_table=True, needs="polars", extra="analysis"
     ),
-    "png": Format(f"{_HERE}.png", lambda head: head.startswith(b"\x89PNG"), needs="matplotlib", extra="report"),
+    "png": Format(
+        f"{_HERE}.png",
+        lambda head: head.startswith(b"\x89PNG") and b"wayfix" in head,
+        needs="matplotlib",
+        extra="report",
+    ),
 }

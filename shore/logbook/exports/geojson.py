@@ -26,7 +26,9 @@ def write(stream: BinaryIO, track: Track) -> None:
             **lines.times,
         }  # fmt: skip
         head = json.dumps({"type": "Feature", "properties": properties}, ensure_ascii=False)
-        stream.write(f'{{"type": "FeatureCollection", "features": [\n{head[:-1]}, "geometry": '.encode())
+        stream.write(
+            f'{{"type": "FeatureCollection", "generator": "wayfix", "features": [\n{head[:-1]}, "geometry": '.encode()
+        )
         lines.pour(stream)
         stream.write(b"}")
         events.pour(stream)

@@ -14,6 +14,7 @@ from shore.logbook.exports.track import Mark, Row, Track
 SPACE: Final = "http://www.opengis.net/kml/2.2"
 _HEAD: Final = (
     '<?xml version="1.0" encoding="UTF-8"?>\n'
+    "<!-- of wayfix export -->\n"
     f'<kml xmlns="{SPACE}" xmlns:gx="http://www.google.com/kml/ext/2.2">\n<Document>\n'
 )
 COLOURS: Final = {"debug": "ff999999", "info": "ffe08a2a", "warning": "ff1f9fff", "error": "ff2828d6"}

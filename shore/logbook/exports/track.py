@@ -6,6 +6,7 @@
 `recorded` gives what was published live; `time` runs the filter again over the frames in order of boat time.
 """
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from heapq import heappop, heappush
@@ -113,7 +114,7 @@ class Track:
     @property
     def title(self) -> str:
         """What a person calls it."""
-        return str(self.survey.trip.get("name") or self.reader.path.stem)
+        return str(self.survey.trip.get("name") or os.fsencode(self.reader.path.stem).decode(errors="replace"))
 
     @property
     def gps(self) -> str | None:

@@ -25,7 +25,7 @@ from shore.logbook.imports.gpsd import GpsdReader
 from shore.logbook.imports.kinds import Kind
 from shore.logbook.imports.plan import NO_TIME, Plan
 from shore.logbook.imports.reader import Lines, Reader, digest_of
-from shore.logbook.imports.signalk import SignalKReader, own_context
+from shore.logbook.imports.signalk import SELF, SignalKReader, own_context
 from shore.logbook.imports.write import LogMaker, Written, utc_offset_ns
 from shore.logbook.session import trip_record
 from shore.terminal import say
@@ -83,6 +83,8 @@ def imported(job: Job) -> tuple[bool, Written]:
 
 def _from_deltas(job: Job) -> tuple[bool, Written]:
     own = own_context(Lines(job.source))
+    if own not in (SELF, ""):
+        job.notes.append(f"taken for our own boat: {own}")
     job.facts["own"] = own
     return _from_reader(job, lambda progress: SignalKReader(Lines(job.source, progress), own))
 
