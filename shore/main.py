@@ -16,6 +16,7 @@ from shore.logbook.arguments import add_arguments as add_log_arguments
 from shore.logbook.exports.arguments import add_arguments as add_export_arguments
 from shore.logbook.imports.arguments import add_arguments as add_import_arguments
 from shore.logbook.trip_arguments import add_trip_arguments
+from shore.pair_command import add_arguments as add_pair_arguments
 from shore.replay.command import add_arguments as add_replay_arguments
 from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
 
@@ -45,6 +46,7 @@ def _parser() -> argparse.ArgumentParser:
     _add(commands, "export", "a log as CSV, GPX, KML, GeoJSON, NMEA, MCAP, Parquet, PNG", add_export_arguments, _export)
     _add_demo(commands)
     _add(commands, "lab", "scenarios x filters x runs", add_lab_arguments, _lab)
+    _add(commands, "pair", "learn a boat's key, once", add_pair_arguments, _pair)
     return parser
 
 
@@ -72,6 +74,9 @@ def _add_connect(commands: Any) -> None:
         metavar="SECONDS",
         help="length of a frame with --frames (default 1)",
     )
+    connect.add_argument("--boat", metavar="ID", help="which of the paired boats (default: the one last met there)")
+    connect.add_argument("--keys", type=Path, metavar="DIR", help="where keys are kept (default ~/.config/wayfix)")
+    connect.add_argument("--open", action="store_true", help="no keys, for a boat whose daemon was started with --open")
     connect.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
     add_trip_arguments(connect)
     add_filter_arguments(connect, DEFAULT_FILTERS)
@@ -102,6 +107,7 @@ def _add_demo(commands: Any) -> None:
 
 def _connect(arguments: argparse.Namespace) -> int:
     """Join a boat, filter and log its frames until Ctrl-C, the board's end, or M frames. Exit code 1 = fewer than M."""
+    from shore.boats import Boats
     from shore.link import Link
     from shore.live import LiveRun, Options, StopFlag
     from shore.logbook.session import trip_record
@@ -114,10 +120,16 @@ def _connect(arguments: argparse.Namespace) -> int:
     if trip is not None and arguments.log is None:
         raise WayfixError("a name, place or note is kept in a log", "--name", "give --log DIR too")
     options = Options(filters, arguments.frames, period_s, arguments.step, arguments.log, trip)
-    link = Link(arguments.address)
+    boats = Boats(arguments.keys)
+    boat = None if arguments.open else boats.choose(arguments.address, arguments.boat)
+    link = Link(arguments.address, keys=boats.link_keys(boat))
+    if boat is None:
+        say("OPEN LINK (--open): nothing is encrypted, and nobody knows whose boat this is")
     with StopFlag().on_signals() as stop:
         try:
             live = LiveRun(link, options, stop, say)
+            if boat is not None:
+                boats.remember(boat.boat_id, boat.public_key, arguments.address)
             tally = live.run()
         except LinkError:
             if stop():  # Ctrl-C while nobody had answered yet
@@ -196,6 +208,13 @@ def _import(arguments: argparse.Namespace) -> int:
 def _export(arguments: argparse.Namespace) -> int:
     """Write the track of a log, with its events, for other programs."""
     from shore.logbook.exports.command import run
+
+    return run(arguments)
+
+
+def _pair(arguments: argparse.Namespace) -> int:
+    """Pair with a boat by the code that `wayfix-onboard pair` shows on it."""
+    from shore.pair_command import run
 
     return run(arguments)
 
