@@ -13,8 +13,9 @@ from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from shore.navigation.numbers import Array, Number, column, hypot, magnitude, part, sin_cos, tanh
+from shore.navigation.numbers import Array, Number, column, hypot, magnitude, part, sin_cos, stacked, tanh
 
 BASE_NAMES: Final = ("east_m", "north_m", "v_east_m_s", "v_north_m_s", "heading_rad")
 EAST, NORTH, V_EAST, V_NORTH, HEADING = range(len(BASE_NAMES))
@@ -107,6 +108,18 @@ class StateSpace:
     def walks(self) -> tuple[tuple[int, float], ...]:
         """(place, variance gained in a second) of the states that walk by themselves."""
         return tuple((place, variance) for place, variance in enumerate(self.walk_variances.tolist()) if variance)
+
+    @cached_property
+    def noise_entries(self) -> npt.NDArray[np.intp]:
+        """Which entry of `process_noise` stands at each place of Q, (n, n): 0; for the places, for both and for the
+        velocities (east, north, both); heading; walks."""
+        entries = np.zeros((self.size, self.size), dtype=np.intp)
+        for first, row, place in ((1, EAST, EAST), (4, EAST, V_EAST), (4, V_EAST, EAST), (7, V_EAST, V_EAST)):
+            entries[row : row + 2, place : place + 2] = [[first, first + 2], [first + 2, first + 1]]
+        entries[HEADING, HEADING] = 10
+        for entry, (place, _) in enumerate(self.walks, start=11):
+            entries[place, place] = entry
+        return entries
 
     @cached_property
     def limits(self) -> tuple[tuple[int, float], ...]:
@@ -326,24 +339,11 @@ def process_noise(space: StateSpace, heading_rad: Number, dt_s: float, noise: Pr
     """
     fwd, stb = noise.accel_fwd**2 / dt_s, noise.accel_stb**2 / dt_s
     sin, cos = sin_cos(heading_rad)
-    east = sin * sin * fwd + cos * cos * stb
-    north = cos * cos * fwd + sin * sin * stb
-    both = sin * cos * (fwd - stb)
-    Q = np.zeros((*np.shape(sin), space.size, space.size))
-    of_places, of_both, of_velocities = 0.25 * dt_s**4, 0.5 * dt_s**3, dt_s**2
-    for row, place, gained in (
-        (EAST, EAST, of_places),
-        (EAST, V_EAST, of_both),
-        (V_EAST, EAST, of_both),
-        (V_EAST, V_EAST, of_velocities),
-    ):
-        Q[..., row, place] = gained * east
-        Q[..., row + 1, place + 1] = gained * north
-        Q[..., row, place + 1] = Q[..., row + 1, place] = gained * both
-    Q[..., HEADING, HEADING] = noise.yaw_rate**2 * dt_s
-    for place, variance in space.walks:
-        Q[..., place, place] = variance * dt_s
-    return Q
+    axes = (sin * sin * fwd + cos * cos * stb, cos * cos * fwd + sin * sin * stb, sin * cos * (fwd - stb))
+    gains = (0.25 * dt_s**4, 0.5 * dt_s**3, dt_s**2)
+    walks = [variance * dt_s for _, variance in space.walks]
+    entries = [0.0, *(gain * axis for gain in gains for axis in axes), noise.yaw_rate**2 * dt_s, *walks]
+    return stacked(entries).take(space.noise_entries, axis=-1)
 
 
 def middle_heading(before: Array, after: Array) -> Number:

@@ -5,6 +5,7 @@ scalars are ten times slower.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -87,6 +88,12 @@ def wrapped(angle_rad: Number) -> Number:
 def part(x: Array, index: int) -> Number:
     """One component of a state (n,) as a float, or of states (..., n) as an array."""
     return float(x[index]) if x.ndim == 1 else x[..., index]
+
+
+def stacked(values: Sequence[Number]) -> Array:
+    """Numbers side by side, (..., len(values))."""
+    is_batch = any(isinstance(value, np.ndarray) for value in values)
+    return np.stack(np.broadcast_arrays(*values), axis=-1) if is_batch else np.array(values)
 
 
 def column(value: Number) -> Number:
