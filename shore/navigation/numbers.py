@@ -15,6 +15,8 @@ from common.angles import wrap_rad
 
 Array = npt.NDArray[np.float64]
 Number = float | Array
+Components = Sequence[Number] | Array
+"""The components of a state, or of many states, each a `Number`."""
 
 
 def choose(condition: Any, yes: Number, no: Number) -> Number:
@@ -90,10 +92,15 @@ def part(x: Array, index: int) -> Number:
     return float(x[index]) if x.ndim == 1 else x[..., index]
 
 
-def stacked(values: Sequence[Number]) -> Array:
-    """Numbers side by side, (..., len(values))."""
-    is_batch = any(isinstance(value, np.ndarray) for value in values)
-    return np.stack(np.broadcast_arrays(*values), axis=-1) if is_batch else np.array(values)
+def components(x: Array) -> Components:
+    """All components, each as `part` gives it."""
+    return x.tolist() if x.ndim == 1 else [x[..., index] for index in range(x.shape[-1])]
+
+
+def product(left: Array, right: Array) -> Array:
+    """`left @ right`; of two small matrices, not stacks of them, `dot` is the same and twice as quick."""
+    both: Array = left.dot(right) if right.ndim <= 2 and left.ndim <= 2 else left @ right
+    return both
 
 
 def column(value: Number) -> Number:
