@@ -79,7 +79,7 @@ class FilterState:
     def healthy(self) -> bool:
         """All numbers finite and all variances positive."""
         total = float(self.x.sum()) + float(self.P.sum())
-        return math.isfinite(total) and min(self.P.diagonal(axis1=-2, axis2=-1).flat) > 0.0
+        return math.isfinite(total) and float(min(self.P.diagonal(axis1=-2, axis2=-1).flat)) > 0.0
 
 
 @dataclass(frozen=True, slots=True)

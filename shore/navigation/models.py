@@ -272,8 +272,8 @@ def move(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Arra
         return moved.T.copy()
     sin, cos, turn, fwd, stb, _, _ = _drive(space, moved, dt_s, imu)
     gained = np.empty_like(velocity)
-    np.add(sin * fwd, cos * stb, out=gained[0, ...])
-    np.subtract(cos * fwd, sin * stb, out=gained[1, ...])
+    gained[0] = sin * fwd + cos * stb
+    gained[1] = cos * fwd - sin * stb
     gained *= dt_s
     place += dt_s * (velocity + 0.5 * gained)
     velocity += gained
