@@ -11,7 +11,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TypeVar
 
-from common.errors import WayfixError
+from common.errors import SettingsError, WayfixError
 
 N = TypeVar("N", int, float)
 
@@ -30,7 +30,7 @@ def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
         sys.stdout.flush()
         return code
     except WayfixError as error:
-        return _refuse(program, str(error))
+        return _refuse(program, sentence_of(error))
     except KeyboardInterrupt:
         return 0
     except BrokenPipeError:  # `| head`: who reads has had enough
@@ -41,7 +41,20 @@ def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
     except OSError as error:
         _drop_stdout()
         where = f" {error.filename}" if error.filename else ""
-        return _refuse(program, f"the system refuses{where} ({error.strerror}); check space and rights")
+        return _refuse(program, printable(f"the system refuses{where} ({error.strerror}); check space and rights"))
+
+
+def sentence_of(error: WayfixError) -> str:
+    """One line for a terminal, or one for each fault of a settings file."""
+    lines = str(error).split("\n") if isinstance(error, SettingsError) else [str(error)]
+    return "\n".join(map(printable, lines))
+
+
+def printable(text: str) -> str:
+    """What a terminal may be given of a name: a line feed, ESC and the like by their number, as Python writes it."""
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 def number(kind: type[N], low: N, high: N) -> Callable[[str], N]:

@@ -153,7 +153,7 @@ def _virtual(arguments: argparse.Namespace) -> int:
 def _convert(arguments: argparse.Namespace) -> int:
     """Run the daemon's decoders and framer over a recording, on the time inside its sentences.
 
-    Exit code 1: interrupted, or no line of the recording was of any use.
+    Exit code 1: no line of the recording was of any use.
     """
     from onboard.convert import convert, words
 
@@ -167,8 +167,8 @@ def _convert(arguments: argparse.Namespace) -> int:
             lines_per_second=arguments.lines_per_second,
         )
     except KeyboardInterrupt:
-        print(f"interrupted; {arguments.out} was not written", file=sys.stderr)
-        return 1
+        print(f"stopped; {arguments.out} was not written", file=sys.stderr)
+        return 0
     print("\n".join(words(summary)))
     if not summary["accepted"]:
         print("no line was accepted: is this a recording of these sensors?", file=sys.stderr)

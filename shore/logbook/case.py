@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from common.angles import difference_deg
+from common.command import printable
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from common.whole_file import part_of
@@ -82,15 +83,26 @@ def run(arguments: argparse.Namespace) -> int:
     from shore.terminal import filters_named, finish, say, tell
 
     filters = filters_named(arguments.filters) if arguments.filters else ()
-    name = arguments.name or arguments.directory.name
-    made_by = f"wayfix log case {arguments.log.name} {arguments.directory.name}{_asked(arguments)}"
+    name = _text(arguments.name, "--name") or printable(arguments.directory.name)
+    _text(arguments.text, "--text")
+    made_by = printable(f"wayfix log case {arguments.log.name} {arguments.directory.name}{_asked(arguments)}")
     case = Case(arguments.directory, name, arguments.text, made_by, filters, arguments.order, EVERY_S, {})
     sizes = write_case(arguments.log, case, span_of(arguments))
-    tell(f"{arguments.directory}: {', '.join(f'{file} {size} bytes' for file, size in sizes.items())}")
+    told = ", ".join(f"{file} {size} bytes" for file, size in sizes.items())
+    tell(printable(f"{arguments.directory}: {told}"))
     if sizes[LOG] > LOG_LIMIT:
         say(f"{LOG} is longer than {LOG_LIMIT} bytes: cut it with --from and --to before it goes into a repository")
     finish(arguments, {"case": str(arguments.directory), "bytes": sizes})
     return 0
+
+
+def _text(given: str | None, option: str) -> str | None:
+    """What was given; raises WayfixError for letters that no file in UTF-8 can hold."""
+    try:
+        (given or "").encode()
+    except UnicodeEncodeError as error:
+        raise WayfixError("is no UTF-8 text", option, "write it in a UTF-8 terminal") from error
+    return given
 
 
 def _asked(arguments: argparse.Namespace) -> str:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+from common.command import printable, sentence_of
 from common.errors import WayfixError
 from shore.logbook import screens
 from shore.logbook.damage import iso
@@ -62,7 +63,7 @@ def run_verify(arguments: argparse.Namespace) -> int:
             with _progress() as shown:
                 result = examine(path, shown(path.name), check_index=True)
         except WayfixError as error:
-            say(f"wayfix: {error}")
+            say(f"wayfix: {sentence_of(error)}")
             reports.append({"log": str(path), "state": "no log", "why": error.what})
             code = 2
             continue
@@ -80,7 +81,8 @@ def run_recover(arguments: argparse.Namespace) -> int:
     with _progress() as shown:
         done = recover(arguments.log, arguments.out, trip, _phases(shown))
     result = done.source
-    tell(f"{done.path}: {done.records} records, read back and equal to what is sound in {arguments.log.name}")
+    told = f"{done.path}: {done.records} records, read back and equal to what is sound in {arguments.log.name}"
+    tell(printable(told))
     _tell_losses(result)
     finish(arguments, {"log": str(done.path), "records": done.records, "source": _report(result)})
     return 0
@@ -94,7 +96,7 @@ def run_name(arguments: argparse.Namespace) -> int:
     with _progress() as shown:
         done: Rewritten = name_log(arguments.log, trip, _phases(shown))
     words = ", ".join(str(value) for key, value in trip.items() if key != "kind")
-    tell(f"{arguments.log}: {words}")
+    tell(printable(f"{arguments.log}: {words}"))
     finish(arguments, {"log": str(arguments.log), "records": done.records, "trip": trip})
     return 0
 
@@ -109,8 +111,8 @@ def run_case(arguments: argparse.Namespace) -> int:
 def _tell_losses(result: Examination) -> None:
     if not result.reader.losses:
         tell("nothing was lost")
-    for loss in result.reader.losses:
-        tell(str(loss))
+    for harm in (*result.reader.losses, *result.reader.flaws):
+        tell(str(harm))
 
 
 def _report(result: Examination) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """What is wrong with a log file: records that are lost, and damage that costs none."""
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -38,7 +38,9 @@ class Loss:
         how_many = f"{self.records} record{'s'[: self.records != 1]}"
         if self.records is None:
             how_many = "an unknown number of records"
-        return f"{how_many} lost {self.when}, bytes {self.first_byte} to {self.end_byte}: {self.reason}"
+        is_empty = self.first_byte == self.end_byte
+        where = f"at byte {self.first_byte}" if is_empty else f"bytes {self.first_byte} to {self.end_byte}"
+        return f"{how_many} lost {self.when}, {where}: {self.reason}"
 
     @property
     def when(self) -> str:
@@ -66,6 +68,15 @@ class Flaw:
 
     def __str__(self) -> str:
         return f"{self.what}, no record lost (bytes {self.first_byte} to {self.end_byte})"
+
+
+@dataclass(frozen=True, slots=True)
+class AnotherLog(Flaw):
+    """A log that was put behind this one (`cat a b`), and is not read."""
+
+    def __str__(self) -> str:
+        first = self.first_byte
+        return f"another log begins at byte {first}, which is not read (`tail -c +{first + 1} LOG > NEW` takes it out)"
 
 
 @dataclass(slots=True)
@@ -113,14 +124,25 @@ def loss_of(parts: list[Part], before_ns: int | None, after_ns: int | None, *, i
     )
 
 
+def all_named(losses: list[Loss], whole: Loss) -> list[Loss]:
+    """The losses of a log that misses `whole.records`: the open one gets its count, or `whole` is one more."""
+    unnamed = (whole.records or 0) - sum(loss.records or 0 for loss in losses)
+    open_ones = [loss for loss in losses if loss.records is None]
+    if unnamed <= 0 or len(open_ones) > 1:
+        return losses
+    if not open_ones:
+        return [*losses, replace(whole, records=unnamed)]
+    return [replace(loss, records=unnamed) if loss.records is None else loss for loss in losses]
+
+
 def sentence(losses: Iterable[Loss], flaws: Iterable[Flaw], cut: Loss | None, *, is_being_written: bool) -> str | None:
     """All that is wrong in one sentence; `None` when nothing is."""
     words = []
     if is_being_written:
         words.append("the log is being written right now, read up to its last whole chunk")
     elif cut is not None:
-        last = f" after {clock(cut.start_ns)}" if cut.start_ns is not None else ""
-        words.append(f"the log was not closed (crash or power cut): what came{last} is lost ({cut.reason})")
+        what = f"what came after {clock(cut.start_ns)}" if cut.start_ns is not None else "all of it"
+        words.append(f"the log was not closed (crash or power cut): {what} is lost ({cut.reason})")
     words += _first_of([str(loss) for loss in losses], "losses")
     words += _first_of([str(flaw) for flaw in flaws], "flaws")
     return "; ".join(words) or None

@@ -1,9 +1,8 @@
 """One pass over a log that gathers what `wayfix log` tells of it."""
 
-import json
 from ast import literal_eval
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +10,9 @@ from typing import Any, Final
 
 from mcap.records import Metadata
 
+from common.messages import Fix
 from shore.logbook.census import Census, Missing, light_frame
+from shore.logbook.forms import content_of
 from shore.logbook.foxglove import event_of
 from shore.logbook.read import LogReader
 from shore.logbook.scan import Scan
@@ -42,6 +43,8 @@ class Examination:
     """Log time and the last events of level warning or error."""
     census: Census = field(default_factory=Census)
     trip: TripSummary = field(default_factory=TripSummary)
+    fixes_area: tuple[float, float, float, float] | None = None
+    """South, north, west, east of the usable fixes, deg."""
     first_ns: int | None = None
     last_ns: int | None = None
     """Log times."""
@@ -112,15 +115,23 @@ class Examination:
             frame = light_frame(data)
             self.census.frame(frame)
             self.trip.frame(frame)
+            self._widen(frame.fixes)
         elif topic.startswith(ESTIMATES):
-            self.trip.estimate(json.loads(data))
+            self.trip.estimate(content_of(topic, data))
         elif topic == EVENTS:
-            event = event_of(json.loads(data))
+            event = event_of(content_of(topic, data))
             self.trip.event(event["level"])
             if event["level"] in ("warning", "error"):
                 self.warnings.append((log_time_ns, event))
         elif topic == SESSION:
-            self._session(json.loads(data), log_time_ns)
+            self._session(content_of(topic, data), log_time_ns)
+
+    def _widen(self, fixes: Iterable[Fix]) -> None:
+        for fix in fixes:
+            if fix.usable and fix.lat_deg is not None and fix.lon_deg is not None:
+                south, north, west, east = self.fixes_area or (fix.lat_deg, fix.lat_deg, fix.lon_deg, fix.lon_deg)
+                south, north = min(south, fix.lat_deg), max(north, fix.lat_deg)
+                self.fixes_area = south, north, min(west, fix.lon_deg), max(east, fix.lon_deg)
 
     def _session(self, record: dict[str, Any], log_time_ns: int) -> None:
         if record.get("kind") != "start":
@@ -129,8 +140,8 @@ class Examination:
             return
         self.starts.append(record)
         self.trip.session(record, log_time_ns)
-        connected = record.get("connected", {})
-        if record.get("options", {}).get("frames") is None and isinstance(connected.get("next_seq"), int):
+        connected, options = record.get("connected") or {}, record.get("options") or {}
+        if options.get("frames") is None and isinstance(connected.get("next_seq"), int):
             self.census.expect(str(connected.get("boot_id")), connected["next_seq"])
 
 

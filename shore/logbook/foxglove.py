@@ -13,7 +13,8 @@ LOG: Final = "foxglove.Log"
 KNOWN, DIAGONAL, UNKNOWN = 3, 2, 0
 """Of `position_covariance_type`."""
 _LEVELS: Final = {"debug": 1, "info": 2, "warning": 3, "error": 4}
-_WORDS: Final = {number: word for word, number in _LEVELS.items()}
+LEVEL_NUMBERS: Final = {0: "info", **{number: word for word, number in _LEVELS.items()}, 5: "error"}
+"""Unknown and fatal are of other programs."""
 _STAMP: Final = {
     "type": "object",
     "title": "time",
@@ -88,14 +89,15 @@ def log_record(event: Event, utc_ns: int) -> dict[str, Any]:
 
 
 def event_of(record: dict[str, Any]) -> dict[str, Any]:
-    """The fields of the `Event` in a record of `log_record`; those of the log's first form stand as they are."""
+    """The fields of the `Event` in a sound record of `/events` (`forms.py`), of this form or of the log's first one."""
+    evidence = record.get("evidence") or {}
     if "message" not in record:
-        return record
+        return {name: record[name] for name in ("t_ns", "source", "code", "level", "text")} | {"evidence": evidence}
     return {
         "t_ns": record["t_ns"],
         "source": record["name"],
         "code": record["code"],
-        "level": _WORDS[record["level"]],
+        "level": LEVEL_NUMBERS[record["level"]],
         "text": record["message"],
-        "evidence": record["evidence"],
+        "evidence": evidence,
     }

@@ -18,10 +18,14 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 MAGIC: Final = MCAP0_MAGIC
+LOG_START: Final = MAGIC + b"\x01"
+"""What a log begins with, and nothing ends with."""
 HEAD: Final = Struct("<BQ")
 """Type and length of a record."""
 LIMIT: Final = 256 * 2**20
 """Bytes of one record; the writers' chunks are about 1 MiB, so a longer one is a damaged length."""
+BLOCK: Final = 4 * 2**20
+"""Bytes that are searched at once."""
 PRIVATE: Final = 0x80
 """Types from here on are the writers' own."""
 
@@ -30,6 +34,8 @@ Message = tuple[Channel | None, int, int, int, bytes]
 
 _CHUNK: Final = Struct("<QQQII")
 _MESSAGE: Final = Struct("<HIQQ")
+MESSAGE_SIZE: Final = _MESSAGE.size
+"""Bytes of a message without content."""
 _INSIDE: Final = Struct("<BQHIQQ")
 _ENTRY: Final = Struct("<QQ")
 _SIZE: Final = Struct("<Q")

@@ -5,20 +5,24 @@
     if reader.damage: print(reader.damage)
 
 A cut log gives everything up to its last whole chunk, a damaged one all chunks whose checksum holds (`scan.py`).
+A sound record that has not the form of its channel (`forms.py`) is left out, counted and named like a damaged one.
 """
 
-import json
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
-from common.errors import WayfixError
+from common.codec import decode_frame
+from common.errors import CodecError, WayfixError
+from common.messages import Frame
 from shore.logbook.damage import Flaw, Loss, sentence
+from shore.logbook.forms import FormError, content_of
 from shore.logbook.foxglove import event_of
 from shore.logbook.lock import is_being_written
 from shore.logbook.mcap_records import MAGIC
-from shore.logbook.scan import Scan
+from shore.logbook.scan import Scan, is_log
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
 from shore.logbook.walk import Item
 
@@ -34,11 +38,27 @@ class LogRecord(NamedTuple):
     """Arrival, the station's UTC."""
     publish_time_ns: int
     """The record's own time on the boat clock (frames: `t1_ns`)."""
+    number: int = 0
+    """In file order."""
 
     def json(self) -> dict[str, Any]:
-        """The content of a JSON record (every topic but /frames)."""
-        content: dict[str, Any] = json.loads(self.data)
-        return content
+        """The content of a JSON record (every topic but /frames). Raises FormError for one of another form."""
+        return content_of(self.topic, self.data)
+
+
+@dataclass(slots=True)
+class OddRecords:
+    """Those of one topic that have not its form."""
+
+    topic: str
+    first: str
+    """What is wrong with one of them."""
+    numbers: set[int] = field(default_factory=set)
+    """Of the records."""
+
+    def __str__(self) -> str:
+        count = len(self.numbers)
+        return f"{count} record{'s'[: count > 1]} of {self.topic} left out, not of its form ({self.first})"
 
 
 class LogReader:
@@ -53,12 +73,27 @@ class LogReader:
         """Another program holds the lock of a writer on it."""
         self._scan: Scan | None = None
         """The newest pass that came to its end."""
+        self._odd: dict[str, OddRecords] = {}
+        """By topic."""
         with self._opened() as stream:
             self._looks_closed = self._check(stream)
 
     @property
     def damage(self) -> str | None:
-        """What is wrong with the file, in a sentence; `None` while nothing is known. Complete after any full pass."""
+        """What is wrong with the file and its records, in a sentence; `None` while nothing is known.
+
+        Complete after any full pass; of odd records, those that were asked for.
+        """
+        told = [self._damage, *map(str, self._odd.values())]
+        return "; ".join(each for each in told if each) or None
+
+    @property
+    def odd(self) -> tuple[OddRecords, ...]:
+        """Records that have not the form of their channel, of those that were asked for."""
+        return tuple(self._odd.values())
+
+    @property
+    def _damage(self) -> str | None:
         if self._scan is None:
             if self._looks_closed:
                 return None
@@ -94,11 +129,27 @@ class LogReader:
     def records(self, *topics: str) -> Iterator[LogRecord]:
         """Records in file order, all or those of `topics`. Raises WayfixError when the disk itself fails."""
         with closing(self.items()) as items:
-            for item in items:
+            for number, item in enumerate(items):
                 if isinstance(item, tuple):
                     channel, _, log_time_ns, publish_time_ns, data = item
                     if channel is not None and (not topics or channel.topic in topics):
-                        yield LogRecord(channel.topic, data, log_time_ns, publish_time_ns)
+                        yield LogRecord(channel.topic, data, log_time_ns, publish_time_ns, number)
+
+    def content(self, record: LogRecord) -> dict[str, Any] | None:
+        """The content of a JSON record; `None` for an odd one, which is counted."""
+        try:
+            return record.json()
+        except FormError as error:
+            self._leave_out(record, error)
+            return None
+
+    def frame(self, record: LogRecord) -> Frame | None:
+        """A record of `/frames`; `None` for what is no frame, which is counted."""
+        try:
+            return decode_frame(record.data)
+        except CodecError as error:
+            self._leave_out(record, error)
+            return None
 
     def items(self, progress: Callable[[Scan], None] | None = None, *, check_index: bool = False) -> Generator[Item]:
         """Messages, metadata and attachments as the scan gives them. progress: called now and then."""
@@ -125,15 +176,23 @@ class LogReader:
         """Published estimates, of one filter or (None) of all."""
         for record in self.records():
             if record.topic.startswith(ESTIMATES) and name in (None, record.topic.removeprefix(ESTIMATES)):
-                yield record.json()
+                content = self.content(record)
+                if content is not None:
+                    yield content
 
     def events(self) -> Iterator[dict[str, Any]]:
         """Events of both sides, with the fields of `Event`."""
-        return (event_of(record.json()) for record in self.records(EVENTS))
+        return map(event_of, self._contents(EVENTS))
 
     def session(self) -> Iterator[dict[str, Any]]:
         """Session records: `kind` start (configuration, versions, filters, options), trip, operator, end, summary."""
-        return (record.json() for record in self.records(SESSION))
+        return self._contents(SESSION)
+
+    def _contents(self, topic: str) -> Iterator[dict[str, Any]]:
+        return (content for record in self.records(topic) if (content := self.content(record)) is not None)
+
+    def _leave_out(self, record: LogRecord, why: Exception) -> None:
+        self._odd.setdefault(record.topic, OddRecords(record.topic, str(why))).numbers.add(record.number)
 
     def _opened(self) -> BinaryIO:
         try:
@@ -152,11 +211,12 @@ class LogReader:
             size = stream.seek(0, 2)
             stream.seek(max(0, size - len(MAGIC)))
             foot = stream.read(len(MAGIC))
+            is_readable = is_log(stream)
         except OSError as error:
             raise self._unreadable(error) from error
         if not head:
             raise WayfixError("the file is empty", str(self.path), "nothing was recorded")
-        if not MAGIC.startswith(head):
+        if not is_readable:
             raise WayfixError("not an MCAP log", str(self.path), "other files are read with `wayfix import`")
         return size >= 2 * len(MAGIC) and foot == MAGIC
 

@@ -5,6 +5,7 @@ name: nothing is ever overwritten by something worse.
 """
 
 import json
+import shlex
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -29,7 +30,7 @@ from shore.logbook.walk import Item
 
 Watch = Callable[[str, Scan], None]
 """Called now and then with what is being done."""
-_CURE: Final = "free some space or check rights; the log that was read is as it was"
+_AS_IT_WAS: Final = "the log that was read is as it was"
 
 
 class _Whole(NamedTuple):
@@ -77,22 +78,21 @@ def recover(source: Path, target: Path | None, trip: dict[str, Any] | None, watc
         is_named_anew = trip is not None and TRIP in result.metadata
         return [*words, end], summary if is_named_anew else None
 
-    return _rewrite(source, target, added, watch)
+    return _rewrite(source, target, added, watch, f"free some space, or give an OUT elsewhere; {_AS_IT_WAS}")
 
 
 def name_log(path: Path, trip: dict[str, Any], watch: Watch) -> Rewritten:
     """Put a name to a trip: the same log with one more `/session` record. Raises WayfixError; the log is as before."""
-    path = path.resolve()
     _check_source(path)
 
     def added(result: Examination) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
         if result.state != "whole":
-            cure = f"`wayfix log recover {path.name}` with the same --name, --place and --note"
+            cure = f"`wayfix log recover {shlex.quote(str(path))}` with the same --name, --place and --note"
             raise WayfixError(f"is {result.state}", str(path), cure)
         result.trip.session(trip, 0)
         return [trip, result.summary()], result.summary()
 
-    return _rewrite(path, path, added, watch)
+    return _rewrite(path, path.resolve(), added, watch, f"free some space or check rights; {_AS_IT_WAS}")
 
 
 Added = Callable[[Examination], tuple[list[dict[str, Any]], dict[str, Any] | None]]
@@ -105,7 +105,7 @@ def _check_source(path: Path) -> None:
         raise WayfixError("is being written right now", str(path), "end the recording first")
 
 
-def _rewrite(source: Path, target: Path, added: Added, watch: Watch) -> Rewritten:
+def _rewrite(source: Path, target: Path, added: Added, watch: Watch, cure: str) -> Rewritten:
     try:
         with whole_file(target) as stream:
             copy = _Copy(stream)
@@ -116,7 +116,7 @@ def _rewrite(source: Path, target: Path, added: Added, watch: Watch) -> Rewritte
             _compare(source, part_of(target), copy, lambda scan: watch("comparing", scan))
             shutil.copymode(source, part_of(target))
     except OSError as error:
-        raise WayfixError(f"cannot be written ({error.strerror})", str(target), _CURE) from error
+        raise WayfixError(f"cannot be written ({error.strerror})", str(target), cure) from error
     return Rewritten(target, copy.count, result)
 
 

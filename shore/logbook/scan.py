@@ -6,7 +6,9 @@
 
 The checksum of a chunk decides: a chunk whose checksum holds is read, any other is left out as a whole and the walk
 goes on with the next one. Messages outside of chunks have no checksum: behind damage they are not believed. The index
-is used only where something is broken, and only while its own checksum holds. One chunk is in memory at a time.
+is used only where something is broken, and only while its own checksum holds; where bytes before it are gone or too
+many, it names the channels of those chunks that it lists. A log behind the first one is said, not read: it may be the
+same once more. One chunk is in memory at a time.
 """
 
 import re
@@ -16,9 +18,9 @@ from typing import BinaryIO, Final
 
 from mcap.records import Schema
 
-from shore.logbook.damage import Flaw, Loss
-from shore.logbook.mcap_records import HEAD, chunk_head
-from shore.logbook.walk import BLOCK, LOG_START, Item, Log
+from shore.logbook.damage import AnotherLog, Flaw, Loss
+from shore.logbook.mcap_records import BLOCK, HEAD, LOG_START, MAGIC, chunk_head
+from shore.logbook.walk import Item, Log
 
 _OVERLAP: Final = 64
 _SYNC: Final = re.compile(
@@ -28,7 +30,7 @@ _SYNC: Final = re.compile(
 
 
 class Scan:
-    """One walk over a file, which may hold several logs one behind the other. Raises OSError."""
+    """One walk over a file, up to the end of its first log. Raises OSError."""
 
     def __init__(self, stream: BinaryIO, *, check_index: bool = False) -> None:
         """check_index: compare each message index with its chunk, which only `verify` cares for."""
@@ -51,16 +53,29 @@ class Scan:
 
     def items(self) -> Iterator[Item]:
         """All sound messages, metadata and attachments in file order; what is wrong is complete after the last."""
-        base: int | None = 0
+        base: int | None = self._first_log()
         while base is not None:
             log = Log(self, base)
             yield from log.items()
             self.messages += log.kept
             base = log.next_base
+            if base is not None and log.kept:
+                self.flaws.append(AnotherLog(base, self.size, "another log begins"))
+                break
             if base is not None and self.cut is not None:
                 self.losses.append(replace(self.cut, reason=f"{self.cut.reason}; another log begins there"))
                 self.cut = None
         self.at = self.size
+
+    def _first_log(self) -> int:
+        """Where a log begins: at 0, unless other bytes stand before it."""
+        if MAGIC.startswith(self.read(0, len(MAGIC))):
+            return 0
+        place = self.search(0, self.size)
+        if place is None or self.read(place, len(LOG_START)) != LOG_START:
+            return 0
+        self.flaw(0, place, "bytes before the log")
+        return place
 
     def flaw(self, first_byte: int, end_byte: int, what: str) -> None:
         """Note damage that costs no record; neighbours of one kind are one."""
@@ -90,9 +105,23 @@ class Scan:
             at += max(len(block) - _OVERLAP, 1)
         return None
 
+    def find_log(self, start: int) -> int | None:
+        """The next place from `start` on where a log begins."""
+        for at in range(start, self.size, BLOCK):
+            found = self.read(at, BLOCK + len(LOG_START) - 1).find(LOG_START)
+            if found >= 0:
+                return at + found
+        return None
+
     def _is_sync(self, at: int, found: bytes, end: int) -> bool:
         if found == LOG_START:
             return True
         head = self.read(at, HEAD.size + 48)
         length = HEAD.unpack_from(head)[1]
         return at + HEAD.size + length <= end and chunk_head(head[HEAD.size :], length) is not None
+
+
+def is_log(stream: BinaryIO) -> bool:
+    """Whether the file begins like a log, or holds one near its beginning. Raises OSError."""
+    scan = Scan(stream)
+    return MAGIC.startswith(scan.read(0, len(MAGIC))) or scan.search(0, min(scan.size, BLOCK)) is not None

@@ -11,7 +11,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from shore.logbook.damage import clock
+from common.command import printable
+from shore.logbook.damage import AnotherLog, clock
 from shore.logbook.examine import Examination
 from shore.logbook.trips import Trip, day, number
 
@@ -79,8 +80,9 @@ def trips_table(trips: list[Trip], width: int) -> Iterator[RenderableType]:
 
 
 def _trip_cells(trip: Trip) -> tuple[Any, ...]:
+    name = printable(trip.path.name)
     if not trip.is_log:
-        return "", "", "", size(trip.size) if trip.size else "", Text("no log", "dim"), "", trip.state, trip.path.name
+        return "", "", "", size(trip.size) if trip.size else "", Text("no log", "dim"), "", trip.state, name
     summary = trip.summary
     return (
         day(summary.get("utc_ns")),
@@ -88,16 +90,18 @@ def _trip_cells(trip: Trip) -> tuple[Any, ...]:
         distance(number(summary.get("distance_m"))),
         size(trip.size),
         Text(trip.state, STYLES.get(trip.state, "")),
-        str(summary.get("boat") or ""),
-        ", ".join(str(summary[key]) for key in ("name", "place") if summary.get(key)),
-        trip.path.name,
+        printable(str(summary.get("boat") or "")),
+        printable(", ".join(str(summary[key]) for key in ("name", "place") if summary.get(key))),
+        name,
     )
 
 
 def verify_screen(result: Examination) -> Iterator[RenderableType]:
     """`log verify` of one log."""
     reader = result.reader
-    yield Text.assemble(f"{reader.path.name}: ", (result.state, f"bold {STYLES[result.state]}"), _verdict(result))
+    yield Text.assemble(
+        f"{printable(reader.path.name)}: ", (result.state, f"bold {STYLES[result.state]}"), _verdict(result)
+    )
     for loss in reader.losses[:_LOSSES_SHOWN]:
         yield Padding(Text(f"lost: {loss}", "red"), (0, 0, 0, 2), expand=False)
     if len(reader.losses) > _LOSSES_SHOWN:
@@ -113,7 +117,7 @@ def verify_screen(result: Examination) -> Iterator[RenderableType]:
     grid.add_row("frames", frames_text(result))
     grid.add_row("records", _counts(result))
     if result.not_understood:
-        told = ", ".join(f"{count} of {topic}" for topic, count in sorted(result.not_understood.items()))
+        told = ", ".join(f"{count} of {printable(topic)}" for topic, count in sorted(result.not_understood.items()))
         grid.add_row("", Text(f"sound, but not of our form: {told}", "yellow"))
     yield Padding(grid, (0, 0, 0, 2), expand=False)
 
@@ -132,10 +136,12 @@ def _verdict(result: Examination) -> str:
     if result.state == "cut":
         others = len(reader.losses) - 1
         more = f", and {_plural(others, 'stretch', 'stretches')} before that" if others else ""
-        return f", what came after {_second(result.last_ns)} is lost{more}"
+        what = f"what came after {_second(result.last_ns)}" if result.last_ns is not None else "all of it"
+        return f", {what} is lost{more}"
     known = [loss.records for loss in reader.losses if loss.records is not None]
     if not reader.losses:
-        return ", but no record is lost"
+        is_alone = not any(isinstance(flaw, AnotherLog) for flaw in reader.flaws)
+        return ", but no record is lost" if is_alone else ", another log stands behind it"
     if len(known) == len(reader.losses):
         return f", {_plural(sum(known), 'record')} lost"
     return f", {_plural(len(reader.losses), 'stretch', 'stretches')} lost"
@@ -153,7 +159,7 @@ def frames_text(result: Examination) -> str:
 
 
 def _counts(result: Examination) -> str:
-    return ", ".join(f"{topic} {count}" for topic, count in sorted(result.counts.items())) or "none"
+    return ", ".join(f"{printable(topic)} {count}" for topic, count in sorted(result.counts.items())) or "none"
 
 
 def info_screen(result: Examination, *, with_config: bool) -> Iterator[RenderableType]:
@@ -161,7 +167,7 @@ def info_screen(result: Examination, *, with_config: bool) -> Iterator[Renderabl
     summary = result.summary()
     grid = _grid()
     for label, text in _trip_rows(result, summary):
-        grid.add_row(label, text)
+        grid.add_row(label, "\n".join(map(printable, text.split("\n"))) if isinstance(text, str) else text)
     yield grid
     start = result.starts[-1] if result.starts else {}
     config = _part(_part(start, "connected"), "config")
@@ -176,20 +182,21 @@ def info_screen(result: Examination, *, with_config: bool) -> Iterator[Renderabl
 
 def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[str, RenderableType]]:
     path = result.reader.path
-    yield "log", f"{path.name}, {size(path.stat().st_size)}"
+    yield "log", f"{printable(path.name)}, {size(path.stat().st_size)}"
     yield "state", Text.assemble((result.state, STYLES[result.state]), _verdict(result))
     for loss in islice((*result.reader.losses, *result.reader.flaws), 3):
         yield "", Text(str(loss), "red" if loss in result.reader.losses else "yellow")
     if len(result.reader.losses) > 3:
-        yield "", Text(f"and more: wayfix log verify {path.name}", "red")
+        yield "", Text(printable(f"and more: wayfix log verify {path.name}"), "red")
     for key in ("name", "place", "note"):
         if summary.get(key):
-            yield key if key != "name" else "trip", str(summary[key])
+            words = str(summary[key])
+            yield ("trip" if key == "name" else key), words if key == "note" else printable(words)
     yield "boat", str(summary.get("boat") or "not known")
     if (start_ns := number(summary.get("utc_ns"), int)) is not None:
         yield "time", f"{_second(start_ns)} to {_second(result.last_ns)}"
     yield "length", duration(number(summary.get("seconds")))
-    yield "sailed", _sailed(summary)
+    yield "sailed", _sailed(summary, result.fixes_area)
     yield "frames", frames_text(result)
     yield "filters", ", ".join(map(str, summary.get("filters") or ())) or "none"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
@@ -203,15 +210,19 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
         yield "recovered", f"from {recovered.get('from')}, which lost {_plural(count, 'stretch', 'stretches')}"
 
 
-def _sailed(summary: dict[str, Any]) -> str:
+def _sailed(summary: dict[str, Any], fixes_area: tuple[float, float, float, float] | None) -> str:
     metres, area = number(summary.get("distance_m")), [number(summary.get(f"{edge}_deg")) for edge in _EDGES]
     if None in area:
-        return "no place is known"
-    south, north, west, east = area
+        if fixes_area is None:
+            return "no place is known"
+        return f"nothing was aligned; the fixes are in {_sides(*fixes_area)}"
     speed = number(summary.get("max_sog_kn"))
     told = f"{distance(metres)}, up to {speed:.1f} kn" if speed is not None else distance(metres)
-    sides = f"{_degrees(south, 'SN')} to {_degrees(north, 'SN')}, {_degrees(west, 'WE')} to {_degrees(east, 'WE')}"
-    return f"{told}, in {sides}"
+    return f"{told}, in {_sides(*area)}"
+
+
+def _sides(south: float, north: float, west: float, east: float) -> str:
+    return f"{_degrees(south, 'SN')} to {_degrees(north, 'SN')}, {_degrees(west, 'WE')} to {_degrees(east, 'WE')}"
 
 
 _EDGES: Final = ("south", "north", "west", "east")

@@ -63,7 +63,7 @@ class TripSummary:
             self._distance_m += (east_m**2 + north_m**2) ** 0.5
         south, north, west, east = self._area or (lat_deg, lat_deg, lon_deg, lon_deg)
         self._area = min(south, lat_deg), max(north, lat_deg), min(west, lon_deg), max(east, lon_deg)
-        self._fastest_kn = max(self._fastest_kn, record["sog_kn"])
+        self._fastest_kn = max(self._fastest_kn, record["sog_kn"] or 0.0)
         self._last = t_ns, lat_deg, lon_deg
 
     def event(self, level: str) -> None:

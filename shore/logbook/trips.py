@@ -14,8 +14,20 @@ from common.units import NS_PER_S
 from shore.logbook.damage import iso
 from shore.logbook.examine import examine, from_metadata
 from shore.logbook.lock import is_being_written
-from shore.logbook.mcap_records import HEAD, LIMIT, BrokenError, chunk_head, messages_in, parsed, unpacked
+from shore.logbook.mcap_records import (
+    HEAD,
+    LIMIT,
+    LOG_START,
+    MAGIC,
+    BrokenError,
+    chunk_head,
+    is_parsed,
+    messages_in,
+    parsed,
+    unpacked,
+)
 from shore.logbook.mcap_tail import Tail, tail_of
+from shore.logbook.read import LogReader
 from shore.logbook.scan import Scan
 from shore.logbook.schemas import SESSION, TRIP
 
@@ -70,9 +82,11 @@ def logs_in(given: Iterable[Path]) -> list[Path]:
 def trip_of(path: Path, progress: Callable[[Scan], None]) -> Trip:
     """One row; only a log without a sound end is read whole."""
     try:
+        LogReader(path)
         size = path.stat().st_size
         with path.open("rb") as stream:
-            summary = None if is_being_written(path) else _summary(stream)
+            is_closed = not is_being_written(path) and _begins_well(stream)
+            summary = _summary(stream) if is_closed else None
         if summary is not None:
             return Trip(path, size, "closed", True, summary)
         result = examine(path, progress)
@@ -86,6 +100,15 @@ def trip_of(path: Path, progress: Callable[[Scan], None]) -> Trip:
 def newest_first(trips: Iterable[Trip]) -> list[Trip]:
     """By start; those without one last."""
     return sorted(trips, key=lambda trip: (number(trip.summary.get("utc_ns")) or 0, trip.path.name), reverse=True)
+
+
+def _begins_well(stream: BinaryIO) -> bool:
+    """Whether magic and header are sound. Raises OSError."""
+    begin = stream.read(len(MAGIC) + HEAD.size)
+    if not begin.startswith(LOG_START) or len(begin) < len(MAGIC) + HEAD.size:
+        return False
+    length = HEAD.unpack_from(begin, len(MAGIC))[1]
+    return length <= LIMIT and is_parsed(Opcode.HEADER, stream.read(length))
 
 
 def _summary(stream: BinaryIO) -> dict[str, Any] | None:

@@ -3,65 +3,37 @@
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
-from shore.logbook.damage import Loss, Part, loss_of
+from shore.logbook.damage import Loss, Part, all_named, loss_of
+from shore.logbook.index_check import IndexCheck
+from shore.logbook.mcap_kinds import Record, Records
 from shore.logbook.mcap_records import (
+    BLOCK,
     HEAD,
-    LIMIT,
+    LOG_START,
     MAGIC,
-    PRIVATE,
     BrokenError,
     ChunkHead,
     Message,
-    chunk_head,
     define,
-    index_entries,
-    index_of,
     index_size,
     index_times,
-    is_index,
-    is_parsed,
     message_of,
     messages_in,
     parsed,
     unpacked,
 )
-from shore.logbook.mcap_tail import DATA_END_SIZE, FOOTER_SIZE, Tail, tail_at
+from shore.logbook.mcap_tail import DATA_END_SIZE, FOOTER_SIZE, Tail, end_behind, moved_tail, tail_at
 
 if TYPE_CHECKING:
     from shore.logbook.scan import Scan
 
 Item = Message | Metadata | Attachment
-
-BLOCK: Final = 4 * 2**20
-"""Bytes that are searched at once."""
-LOG_START: Final = MAGIC + b"\x01"
-_OTHER_KINDS: Final = (
-    Opcode.MESSAGE_INDEX,
-    Opcode.METADATA,
-    Opcode.ATTACHMENT,
-    Opcode.SCHEMA,
-    Opcode.CHANNEL,
-    Opcode.HEADER,
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """A whole record of a known form."""
-
-    opcode: int
-    """What it is, which a damaged type byte does not hide."""
-    at: int
-    end: int
-    content: bytes
-    head: ChunkHead | None
-    is_mistyped: bool
 
 
 class Log:
@@ -69,12 +41,17 @@ class Log:
 
     def __init__(self, scan: "Scan", base: int) -> None:
         self.next_base: int | None = None
-        """Where another log begins behind this one."""
+        """Where another log begins behind this one, which is not read."""
         self.kept = 0
+        self._at = base
+        """Where the walk goes on."""
         self._scan = scan
         self._base = base
         self._tail: Tail | None = tail_at(scan.stream, base, scan.size - FOOTER_SIZE - len(MAGIC))
         self._limit = self._tail.data_end if self._tail else scan.size
+        self._records = Records(scan, self._limit, self._tail)
+        self._moved: list[Tail | None] = []
+        """The tail that does not stand where it says, once it was looked for."""
         self._channels: dict[int, Channel] = dict(self._tail.channels) if self._tail else {}
         scan.schemas = dict(self._tail.schemas) if self._tail else {}
         self._parts: list[Part] = []
@@ -82,60 +59,44 @@ class Log:
         self._losses_before = len(scan.losses)
         self._kept_before_loss = 0
         self._last_ns: int | None = None
-        self._has_chunks = self._has_looked_ahead = False
+        self._has_looked_ahead = False
+        self._kinds: set[tuple[int, int, int, int]] = set()
+        """Of the chunks that were read."""
         self._chunk: tuple[int, list[Message]] = base, []
         """End and messages of the last sound chunk."""
-        self._indexes: dict[int, list[tuple[int, int]]] = {}
-        """What the message indexes behind it should say; filled only to check them."""
+        self._index_check = IndexCheck(scan) if scan.check_index else None
 
     def items(self) -> Iterator[Item]:
         """All that is sound; what is wrong goes into the scan."""
-        scan, at = self._scan, self._base + len(MAGIC)
+        scan = self._scan
+        self._at = self._start()
         is_ended = False
-        while at < self._limit and self.next_base is None and not is_ended:
-            scan.at = at
-            record = self._record(at)
+        while self._at < self._limit and self.next_base is None and not is_ended:
+            scan.at = self._at
+            record = self._records.at(self._at)
             if record is None:
-                at = self._pass_over(at)
+                self._at = self._pass_over(self._at)
                 continue
             is_ended = record.opcode == Opcode.DATA_END
+            self._at = record.end
             yield from self._take(record)
-            at = record.end if self.next_base is None else self.next_base
         if self._tail is not None:
             self._finish(self._tail)
         elif is_ended:
-            self._finish_without_tail(at)
+            self._finish_without_tail(self._at)
         else:
-            self._cut(at)
+            self._cut(self._at)
 
-    def _record(self, at: int) -> Record | None:
-        """The record that begins at `at`; `None` when no whole one of a known form does."""
-        head = self._scan.read(at, HEAD.size)
-        if len(head) < HEAD.size:
-            return None
-        opcode, length = HEAD.unpack(head)
-        end = at + HEAD.size + length
-        if length > LIMIT or end > self._limit:
-            return None
-        content = self._scan.read(at + HEAD.size, length)
-        chunk = chunk_head(content, length) if opcode != Opcode.MESSAGE_INDEX or not is_index(content) else None
-        if chunk is not None:
-            is_mistyped = opcode != Opcode.CHUNK
-            is_vouched_for = chunk.crc != 0 or not is_mistyped
-            return Record(Opcode.CHUNK, at, end, content, chunk, is_mistyped) if is_vouched_for else None
-        if opcode >= PRIVATE and self._tail is not None and at in (self._tail.chunks or ()):
-            return None
-        return Record(opcode, at, end, content, None, False) if self._fits(opcode, content) else None
-
-    def _fits(self, opcode: int, content: bytes) -> bool:
-        """Whether the content has the form of its kind, and such a record may stand here."""
-        if opcode == Opcode.MESSAGE:
-            return not self._has_chunks or not any(is_parsed(kind, content) for kind in _OTHER_KINDS)
-        if opcode == Opcode.DATA_END:
-            return self._tail is None and len(content) == DATA_END_SIZE - HEAD.size
-        if opcode in _OTHER_KINDS:
-            return is_parsed(opcode, content)
-        return opcode >= PRIVATE
+    def _start(self) -> int:
+        """Where the first record is to be expected; the magic before it may be damaged, or gone."""
+        base, behind = self._base, self._base + len(MAGIC)
+        if MAGIC.startswith(self._scan.read(base, len(MAGIC))):
+            return behind
+        record = self._records.at(behind)
+        if record is None or record.opcode != Opcode.HEADER:
+            return base
+        self._scan.flaw(base, behind, "the first bytes are damaged")
+        return behind
 
     def _take(self, record: Record) -> Iterator[Item]:
         scan = self._scan
@@ -163,26 +124,32 @@ class Log:
             yield parsed(record.opcode, record.content)
 
     def _take_chunk(self, record: Record, head: ChunkHead) -> Iterator[Message]:
-        self._has_chunks = True
+        self._records.has_chunks = True
         channels, schemas = dict(self._channels), dict(self._scan.schemas)
         try:
             data = unpacked(record.content, head)
             messages, unknown = messages_in(data, channels, schemas)
-            if unknown and not self._has_looked_ahead:
-                self._look_ahead(record.end, channels, schemas)
+            if unknown:
+                self._name(record, head, channels, schemas)
                 messages, unknown = messages_in(data, channels, schemas)
         except BrokenError as fault:
             span = head.start_ns, head.end_ns
-            self._parts.append(Part(record.at, record.end, f"a damaged chunk ({fault})", span))
+            following = self._records.swallowed(record) if self._tail is None else None
+            self._at = following or record.end
+            self._parts.append(Part(record.at, self._at, f"a damaged chunk ({fault})", None if following else span))
             new_log = record.content.find(LOG_START)
             if new_log >= 0 and self._tail is None:
                 self._end_at_new_log(record.at, record.at + HEAD.size + new_log)
+            return
+        if self._is_double(record, head):
+            self._scan.flaw(record.at, record.end, "a chunk that stands there twice")
             return
         self._channels, self._scan.schemas = channels, schemas
         self._scan.chunks += 1
         self._scan.checked += head.crc != 0
         self._chunk = record.end, messages
-        self._check_head(record, head, data, messages)
+        if self._index_check is not None:
+            self._index_check.chunk(record, head, data, messages)
         known = [each for each in messages if each[0] is not None] if unknown else messages
         if messages:
             self._end_parts(messages[0][2])
@@ -194,6 +161,31 @@ class Log:
             self._lose_unknown(loss_of([part], None, None, is_end=False))
         self.kept += len(known)
         yield from known
+
+    def _is_double(self, record: Record, head: ChunkHead) -> bool:
+        """Whether the chunk was read before; beside a sound index, which lists each at its place, that cannot be."""
+        if self._tail is not None or head.crc == 0:
+            return False
+        kind = head.start_ns, head.end_ns, head.crc, len(record.content)
+        is_double = kind in self._kinds
+        self._kinds.add(kind)
+        return is_double
+
+    def _name(self, record: Record, head: ChunkHead, channels: dict[int, Channel], schemas: dict[int, Schema]) -> None:
+        """Look elsewhere for channels that a chunk does not name: at the end of the log, or in the chunks behind."""
+        tail = self._moved_tail(record.end)
+        if tail is not None and tail.chunks:
+            if tail.lists(head, record.end - record.at):  # else it may be one of another log
+                channels.update({key: each for key, each in tail.channels.items() if key not in channels})
+                schemas.update({key: each for key, each in tail.schemas.items() if key not in schemas})
+        elif not self._has_looked_ahead:
+            self._look_ahead(record.end, channels, schemas)
+
+    def _moved_tail(self, at: int) -> Tail | None:
+        """The tail of a log of which bytes are gone or which has too many; `None` where the tail is sound, or lost."""
+        if not self._moved:
+            self._moved.append(moved_tail(self._scan.stream, self._base, at) if self._tail is None else None)
+        return self._moved[0]
 
     def _lose_unknown(self, loss: Loss) -> None:
         """Neighbours are one loss."""
@@ -207,24 +199,13 @@ class Log:
             losses.append(loss)
         self._kept_before_loss = self.kept
 
-    def _check_head(self, record: Record, head: ChunkHead, data: bytes, messages: list[Message]) -> None:
-        if not self._scan.check_index:
-            return
-        self._indexes = index_of(data)
-        times = [log_ns for _, _, log_ns, *_ in messages]
-        are_right = not times or (head.start_ns, head.end_ns) == (min(times), max(times))
-        if not are_right or head.size != len(data):
-            self._scan.flaw(record.at, record.at + HEAD.size + head.data_at, "damage in the head of a chunk")
-
     def _take_index(self, record: Record) -> None:
         if self._parts and self._parts[-1].span_ns is not None:
             part = self._parts[-1]
             part.times_ns += index_times(record.content)
             part.end_byte = record.end
-        elif self._scan.check_index and not self._parts:
-            channel_id, entries = index_entries(record.content)
-            if self._indexes.get(channel_id) != entries:
-                self._scan.flaw(record.at, record.end, "damage in a message index")
+        elif self._index_check is not None and not self._parts:
+            self._index_check.index(record)
 
     def _take_message(self, record: Record) -> Iterator[Message]:
         message = message_of(record.content, self._channels)
@@ -251,26 +232,32 @@ class Log:
                 return self._end_at_new_log(at, near + new_log)
         chunk_end, messages = self._chunk
         index_end = chunk_end + index_size(messages)
-        if chunk_end <= at < index_end <= self._limit and self._begins(index_end):
+        is_inside = chunk_end <= at < index_end <= self._limit and self._begins(index_end)
+        if is_inside and LOG_START not in self._scan.read(at, index_end - at):
             self._scan.flaw(at, index_end, "damage in a message index")
             return index_end
         chunks = self._tail.chunks if self._tail is not None else None
         if chunks:
             return self._pass_over_listed(at)
         after = self._scan.search(at + 1, self._limit)
-        if after is None:
-            if self._tail is not None:
-                self._parts.append(Part(at, self._limit, "damage"))
-            return self._limit if self._tail is not None else self._cut_at(at)
-        if self._begins_log(after):
-            self._end_at_new_log(at, after)
-        else:
-            self._parts.append(Part(at, after, "damage"))
+        if after is None or self._begins_log(after):
+            end = self._data_end(at)
+            if end is None:
+                return self._cut_at(at) if after is None else self._end_at_new_log(at, after)
+            after = end
+        self._parts.append(Part(at, after, "damage"))
         return after
+
+    def _data_end(self, at: int) -> int | None:
+        """Where the data of this log end, behind the last of its chunks; `None` when it was not closed."""
+        if self._tail is not None:
+            return self._limit
+        tail = self._moved_tail(at)
+        return tail.data_end if tail is not None and tail.data_end > at else None
 
     def _end_at_new_log(self, at: int, new_log: int) -> int:
         """This log was cut at or behind `at`, and another was put behind it."""
-        self.next_base = new_log
+        self.next_base = self._at = new_log
         self._parts.append(Part(min(at, new_log), new_log, "cut"))
         return new_log
 
@@ -295,7 +282,7 @@ class Log:
         return min(end, after)
 
     def _begins(self, at: int) -> bool:
-        return at == self._limit or self._record(at) is not None
+        return at == self._limit or self._records.at(at) is not None
 
     def _look_ahead(self, at: int, channels: dict[int, Channel], schemas: dict[int, Schema]) -> None:
         """Some writers say in every chunk what its channels are: for records whose own chunk of channels is damaged."""
@@ -303,7 +290,7 @@ class Log:
         found: dict[int, Channel] = {}
         more: dict[int, Schema] = {}
         while at < self._limit:
-            record = self._record(at)
+            record = self._records.at(at)
             if record is None:
                 at = self._scan.search(at + 1, self._limit) or self._limit
                 if self._begins_log(at):
@@ -339,51 +326,39 @@ class Log:
 
     def _count(self, statistics: Statistics, end: int) -> None:
         """Compare with how many records the log says it holds."""
-        scan = self._scan
-        missing = statistics.message_count - self.kept
-        losses = scan.losses[self._losses_before :]
-        open_ones = [place for place, loss in enumerate(losses, self._losses_before) if loss.records is None]
-        unnamed = missing - sum(loss.records or 0 for loss in losses)
-        if unnamed > 0 and not open_ones:
-            span = statistics.message_start_time, statistics.message_end_time
-            reason = "the log counts more records than it holds"
-            scan.losses.append(Loss(self._base, end, *span, is_exact=False, records=unnamed, reason=reason))
-        elif unnamed > 0 and len(open_ones) == 1:
-            scan.losses[open_ones[0]] = replace(scan.losses[open_ones[0]], records=unnamed)
+        start_ns, end_ns = statistics.message_start_time, statistics.message_end_time
+        losses = self._scan.losses[self._losses_before :]
+        if self.kept == statistics.message_count:  # what was not readable held no record
+            for loss in (loss for loss in losses if loss.records is None):
+                self._scan.flaw(loss.first_byte, loss.end_byte, "damage between chunks")
+            self._scan.losses[self._losses_before :] = [loss for loss in losses if loss.records is not None]
+            return
+        whole = Loss(
+            self._base, end, start_ns, end_ns, is_exact=False, records=statistics.message_count - self.kept,
+            reason="the log counts more records than it holds",
+        )  # fmt: skip
+        self._scan.losses[self._losses_before :] = all_named(losses, whole)
 
     def _finish_without_tail(self, at: int) -> None:
-        """The data ended in order; the index behind them is damaged, cut, or that of another log's neighbour."""
-        scan = self._scan
-        self._end_parts(None)
-        end = self._magic_behind(at)
+        """The data ended in order; the index behind them is damaged, cut, or not where it says."""
+        scan, stream, end = self._scan, self._scan.stream, end_behind(self._scan.stream, at)
         if end is None:
+            self._end_parts(None)
             scan.flaw(at, scan.size, "the index is cut or damaged")
             return
         footer_at = end - FOOTER_SIZE - len(MAGIC)
-        tail = tail_at(scan.stream, self._base, footer_at, found_at=at)
-        if tail is None or tail_at(scan.stream, self._base, footer_at) is None:
+        tail = tail_at(stream, self._base, footer_at, found_at=at)
+        statistics = tail.statistics if tail is not None else None
+        self._end_parts(statistics.message_end_time if statistics is not None else None)
+        if tail is None:
             scan.flaw(at, end, "the index is damaged")
-        if tail is not None and tail.statistics is not None:
-            self._count(tail.statistics, tail.end)
+        elif tail.moved:
+            gone = "gone" if tail.moved < 0 else "too many"
+            scan.flaw(at, end, f"the index does not fit ({abs(tail.moved)} bytes before it are {gone})")
+        if statistics is not None:
+            self._count(statistics, end)
         if end == scan.size:
             return
-        if self._begins_log(end):
-            self.next_base = end
-            return
-        self.next_base = scan.search(end, scan.size)
-        scan.flaw(end, self.next_base or scan.size, "bytes behind the end of the log")
-
-    def _magic_behind(self, at: int) -> int | None:
-        """Behind the magic that ends this log; its own may be damaged: then where the next log begins."""
-        scan, place = self._scan, at
-        while place < scan.size:
-            block = scan.read(place, BLOCK)
-            found = block.find(MAGIC)
-            if found >= 0:
-                found += place
-                is_start = scan.read(found, len(LOG_START)) == LOG_START
-                footer = scan.read(found - FOOTER_SIZE, HEAD.size)
-                is_end = len(footer) == HEAD.size and HEAD.unpack(footer) == (Opcode.FOOTER, 20)
-                return found if is_start and not is_end else found + len(MAGIC)
-            place += max(len(block) - len(MAGIC), 1)
-        return None
+        self.next_base = scan.find_log(end)
+        if self.next_base != end:
+            scan.flaw(end, self.next_base or scan.size, "bytes behind the end of the log")

@@ -51,6 +51,7 @@ class Bank:
         """Before anything was measured."""
         return Moment(0, (None,) * len(self.filters))
 
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def advance(
         self,
         moment: Moment,
@@ -70,13 +71,12 @@ class Bank:
                 position = measured
             else:
                 heading = measured
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            states = tuple(
-                self._begin(each, t_ns, position, heading, shown)
-                if state is None
-                else self._carry(each, state, steps, fused, t_ns)
-                for each, state in zip(self.filters, moment.states, strict=True)
-            )
+        states = tuple(
+            self._begin(each, t_ns, position, heading, shown)
+            if state is None
+            else self._carry(each, state, steps, fused, t_ns)
+            for each, state in zip(self.filters, moment.states, strict=True)
+        )
         return Moment(t_ns, states, position, heading)
 
     def _with_course(self, measurements: Iterable[Measurement]) -> Iterator[Measurement]:

@@ -79,7 +79,7 @@ class FilterState:
     def healthy(self) -> bool:
         """All numbers finite and all variances positive."""
         total = float(self.x.sum()) + float(self.P.sum())
-        return math.isfinite(total) and float(self.P.diagonal(axis1=-2, axis2=-1).min()) > 0.0
+        return math.isfinite(total) and float(min(self.P.diagonal(axis1=-2, axis2=-1).flat)) > 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,8 +175,9 @@ class Filter:
 
     def _pass(self, dt_s: float, imu: ImuInput | None) -> Predicted:
         state = self.estimate
-        noise = self.facts.free_noise if imu is None else with_trim(state.gaussian, self._driven(self.facts.imu_noise))
-        predicted = self._predict(state.gaussian, dt_s, imu, noise)
+        before = state.gaussian
+        noise = self.facts.free_noise if imu is None else with_trim(before, self._driven(self.facts.imu_noise))
+        predicted = self._predict(before, dt_s, imu, noise)
         repairs = state.repairs + predicted.repairs
         self._state = FilterState(state.space, predicted.x, predicted.P, state.noise, repairs, state.opening)
         return predicted

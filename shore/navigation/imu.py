@@ -8,7 +8,7 @@ one bridges a gap. All of it depends on the set of blocks only, not on their arr
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
@@ -105,23 +105,24 @@ class ImuTrack:
 
     def forget_before(self, t_ns: int) -> None:
         """Drop blocks that ended before `t_ns`, except the newest of them."""
-        old = sum(block.end_ns < t_ns for block in self._blocks) - 1
+        old = bisect_left(self._blocks, t_ns, key=lambda block: block.end_ns) - 1
         if old > 0:
             stretches = sum(len(block.stretches) for block in self._blocks[:old])
             del self._blocks[:old], self._stretches[:stretches], self._ends_ns[:stretches]
 
-    def steps(self, from_ns: int, to_ns: int) -> Iterator[Step]:
+    def steps(self, from_ns: int, to_ns: int) -> list[Step]:
         """The predictions that lead from one time to a later one."""
         index = bisect_right(self._ends_ns, from_ns)
-        now_ns = from_ns
+        now_ns, steps = from_ns, []
         while now_ns < to_ns:
             end_ns, imu = self._next(index, now_ns)
             end_ns = to_ns if end_ns is None else min(end_ns, to_ns)
             if end_ns > now_ns:
-                yield from split(now_ns, end_ns, imu)
+                steps += split(now_ns, end_ns, imu)
                 now_ns = end_ns
             while index < len(self._ends_ns) and self._ends_ns[index] <= now_ns:
                 index += 1
+        return steps
 
     def mean(self, from_ns: int, to_ns: int) -> ImuInput | None:
         """Plain mean of the samples in (from, to]; `None` without any."""
@@ -283,9 +284,8 @@ def _mean(samples: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
     return tuple(sum(column) / len(samples) for column in zip(*samples, strict=True))
 
 
-def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> Iterator[Step]:
+def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> list[Step]:
     """One stretch as equal steps of at most 1 s, or as ten longer ones."""
     dt_s = (end_ns - start_ns) / NS_PER_S
     count = min(MOST_STEPS, math.ceil(dt_s / LONGEST_STEP_S))
-    for _ in range(count):
-        yield Step(dt_s / count, imu)
+    return [Step(dt_s / count, imu)] * count

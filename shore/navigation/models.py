@@ -13,8 +13,9 @@ from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from shore.navigation.numbers import Array, Number, column, hypot, magnitude, part, sin_cos, tanh
+from shore.navigation.numbers import Array, Components, Number, components, hypot, magnitude, part, sin_cos, tanh
 
 BASE_NAMES: Final = ("east_m", "north_m", "v_east_m_s", "v_north_m_s", "heading_rad")
 EAST, NORTH, V_EAST, V_NORTH, HEADING = range(len(BASE_NAMES))
@@ -109,6 +110,17 @@ class StateSpace:
         return tuple((place, variance) for place, variance in enumerate(self.walk_variances.tolist()) if variance)
 
     @cached_property
+    def noise_entries(self) -> npt.NDArray[np.intp]:
+        """Which of the entries that `process_noise` lists stands at each place of Q, (n, n)."""
+        entries = np.zeros((self.size, self.size), dtype=np.intp)
+        for first, row, place in ((1, EAST, EAST), (4, EAST, V_EAST), (4, V_EAST, EAST), (7, V_EAST, V_EAST)):
+            entries[row : row + 2, place : place + 2] = [[first, first + 2], [first + 2, first + 1]]
+        entries[HEADING, HEADING] = 10
+        for entry, (place, _) in enumerate(self.walks, start=11):
+            entries[place, place] = entry
+        return entries
+
+    @cached_property
     def limits(self) -> tuple[tuple[int, float], ...]:
         """(place, magnitude) of the bounded states."""
         bounded = ((len(BASE_NAMES) + i, extra.limit) for i, extra in enumerate(self.extras))
@@ -176,26 +188,24 @@ class _Drive(NamedTuple):
     """L of the tilt leak, m^2/s^2; 0 without it."""
 
 
-def _drive(space: StateSpace, x: Array, dt_s: float, imu: ImuInput) -> _Drive:
+def _drive(space: StateSpace, parts: Components, dt_s: float, imu: ImuInput) -> _Drive:
     """A = measured - bias - c L (forward), w = measured - bias."""
     gyro, fwd_bias, stb_bias, leak = space.places[:4]
     fwd, stb, yaw_rate = imu
-    if column_wise(x, yaw_rate):
-        fwd, stb, yaw_rate = (column(value) for value in imu)
     if gyro is not None:
-        yaw_rate = yaw_rate - x[..., gyro]
+        yaw_rate = yaw_rate - parts[gyro]
     turn = yaw_rate * dt_s
-    sin, cos = sin_cos(x[..., HEADING] + 0.5 * turn)
+    sin, cos = sin_cos(parts[HEADING] + 0.5 * turn)
     along: Number = 0.0
     lift: Number = 0.0
     if leak is not None:
-        along = _along(space, x, sin, cos)
+        along = _along(space, parts, sin, cos)
         lift = _lift(along)
-        fwd = fwd - x[..., leak] * lift
+        fwd = fwd - parts[leak] * lift
     if fwd_bias is not None:
-        fwd = fwd - x[..., fwd_bias]
+        fwd = fwd - parts[fwd_bias]
     if stb_bias is not None:
-        stb = stb - x[..., stb_bias]
+        stb = stb - parts[stb_bias]
     return _Drive(sin, cos, turn, fwd, stb, along, lift)
 
 
@@ -204,18 +214,19 @@ def _lift(along: Number) -> Number:
     return LARGEST_LIFT_M2_S2 * tanh(along * magnitude(along) / LARGEST_LIFT_M2_S2)
 
 
-def _along(space: StateSpace, x: Array, sin: Number, cos: Number) -> Number:
+def _along(space: StateSpace, parts: Components, sin: Number, cos: Number) -> Number:
     """Speed through the water along a bow of this sine and cosine of its heading, m/s."""
-    v_east, v_north = part(x, V_EAST), part(x, V_NORTH)
+    v_east, v_north = parts[V_EAST], parts[V_NORTH]
     current_east, current_north = space.places[4:6]
     if current_east is not None and current_north is not None:
-        v_east, v_north = v_east - part(x, current_east), v_north - part(x, current_north)
+        v_east, v_north = v_east - parts[current_east], v_north - parts[current_north]
     return v_east * sin + v_north * cos
 
 
 def lift_of(space: StateSpace, x: Array) -> Number:
     """L of the tilt leak at states (..., n), m^2/s^2."""
-    return _lift(_along(space, x, *sin_cos(part(x, HEADING))))
+    parts = components(x)
+    return _lift(_along(space, parts, *sin_cos(parts[HEADING])))
 
 
 Sloped = tuple[Number, dict[int, Number]]
@@ -248,31 +259,26 @@ def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
     return ProcessNoise(hypot(noise.accel_fwd, trim), noise.accel_stb, noise.yaw_rate)
 
 
-def column_wise(x: Array, value: Number) -> bool:
-    """True when `value` is one number per run and `x` holds several points of each run, (runs, points, n)."""
-    return isinstance(value, np.ndarray) and value.ndim == x.ndim - 2
-
-
 def move(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Array:
     """States (..., n) after `dt_s`: Eqs 4.22-4.24 with T^2/2 and the acceleration resolved at the middle heading.
 
     `None` = nothing measured: constant velocity and heading, whatever the biases. `imu` may hold one number for each
     run where x is (runs, n) or (runs, points, n). The heading is not wrapped: the spread of sigma points must survive.
     """
-    moved = x.copy()
-    place, velocity = moved[..., _PLACE], moved[..., _VELOCITY]
+    moved = x.T.copy()  # a row for each state: numpy is quick along rows
+    place, velocity = moved[_PLACE], moved[_VELOCITY]
     if imu is None:
         place += dt_s * velocity
-        return moved
-    sin, cos, turn, fwd, stb, _, _ = _drive(space, x, dt_s, imu)
+        return moved.T.copy()
+    sin, cos, turn, fwd, stb, _, _ = _drive(space, moved, dt_s, imu)
     gained = np.empty_like(velocity)
-    gained[..., 0] = sin * fwd + cos * stb
-    gained[..., 1] = cos * fwd - sin * stb
+    gained[0] = sin * fwd + cos * stb
+    gained[1] = cos * fwd - sin * stb
     gained *= dt_s
     place += dt_s * (velocity + 0.5 * gained)
     velocity += gained
-    moved[..., HEADING] += turn
-    return moved
+    moved[HEADING] += turn
+    return moved.T.copy()
 
 
 def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Array:
@@ -283,7 +289,7 @@ def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> 
     if imu is None:
         return F
     gyro, fwd_bias, stb_bias, leak, current_east, current_north = space.places[:6]
-    drive = _drive(space, x, dt_s, imu)
+    drive = _drive(space, components(x), dt_s, imu)
     sin, cos = drive.sin, drive.cos
     a_east, a_north = sin * drive.fwd + cos * drive.stb, cos * drive.fwd - sin * drive.stb
     slope_east: dict[int, Any] = {HEADING: a_north}
@@ -326,24 +332,19 @@ def process_noise(space: StateSpace, heading_rad: Number, dt_s: float, noise: Pr
     """
     fwd, stb = noise.accel_fwd**2 / dt_s, noise.accel_stb**2 / dt_s
     sin, cos = sin_cos(heading_rad)
-    east = sin * sin * fwd + cos * cos * stb
-    north = cos * cos * fwd + sin * sin * stb
-    both = sin * cos * (fwd - stb)
-    Q = np.zeros((*np.shape(sin), space.size, space.size))
+    east, north, both = sin * sin * fwd + cos * cos * stb, cos * cos * fwd + sin * sin * stb, sin * cos * (fwd - stb)
     of_places, of_both, of_velocities = 0.25 * dt_s**4, 0.5 * dt_s**3, dt_s**2
-    for row, place, gained in (
-        (EAST, EAST, of_places),
-        (EAST, V_EAST, of_both),
-        (V_EAST, EAST, of_both),
-        (V_EAST, V_EAST, of_velocities),
-    ):
-        Q[..., row, place] = gained * east
-        Q[..., row + 1, place + 1] = gained * north
-        Q[..., row, place + 1] = Q[..., row + 1, place] = gained * both
-    Q[..., HEADING, HEADING] = noise.yaw_rate**2 * dt_s
-    for place, variance in space.walks:
-        Q[..., place, place] = variance * dt_s
-    return Q
+    entries = [
+        0.0,
+        of_places * east, of_places * north, of_places * both,
+        of_both * east, of_both * north, of_both * both,
+        of_velocities * east, of_velocities * north, of_velocities * both,
+        noise.yaw_rate**2 * dt_s,
+        *(variance * dt_s for _, variance in space.walks),
+    ]  # fmt: skip
+    if isinstance(east, np.ndarray):
+        return np.stack(np.broadcast_arrays(*entries), axis=-1).take(space.noise_entries, axis=-1)
+    return np.array(entries).take(space.noise_entries)
 
 
 def middle_heading(before: Array, after: Array) -> Number:

@@ -132,8 +132,8 @@ class Timeline:
         if to_ns <= moment.t_ns or all(state is None for state in moment.states):
             return []
         if self._imu is None:
-            return list(split(moment.t_ns, to_ns, None))
-        return list(self._imu.steps(moment.t_ns, to_ns))
+            return split(moment.t_ns, to_ns, None)
+        return self._imu.steps(moment.t_ns, to_ns)
 
     def _shown(self, moment: Moment, to_ns: int) -> ImuInput | None:
         """Mean of the last second's samples while a filter waits for its start."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
 from shore.navigation.models import Gaussian, ImuInput, ProcessNoise, middle_heading, move, process_noise
-from shore.navigation.numbers import Array
+from shore.navigation.numbers import Array, product
 
 ALPHA: Final = 1.0
 BETA: Final = 2.0
@@ -66,7 +66,7 @@ def _repaired(P: Array) -> Array:
 
 def sigma_points(x: Array, L: Array) -> Array:
     """The 2n+1 points, shape (..., 2n+1, n), one per row: x, x + spread L_i, x - spread L_i (Eqs 4.45-4.47)."""
-    points: Array = x[..., np.newaxis, :] + _directions(x.shape[-1]) @ L.swapaxes(-1, -2)
+    points: Array = x[..., np.newaxis, :] + product(_directions(x.shape[-1]), L.swapaxes(-1, -2))
     return points
 
 
@@ -81,10 +81,10 @@ def predict_unscented(before: Gaussian, dt_s: float, imu: ImuInput | None, noise
     mean_weights, cov_weights, spread = weights(n)
     L, repairs = factor(P)
     points = move(space, sigma_points(x, L), dt_s, imu)
-    mean: Array = mean_weights @ points
+    mean = product(mean_weights, points)
     apart = points - mean[..., np.newaxis, :]
     Q = process_noise(space, middle_heading(x, mean), dt_s, noise)
-    scatter = (apart.swapaxes(-1, -2) * cov_weights) @ apart
+    scatter = product(apart.swapaxes(-1, -2) * cov_weights, apart)
 
     def cross() -> Array:
         both: Array = L @ (apart[..., 1 : n + 1, :] - apart[..., n + 1 :, :])

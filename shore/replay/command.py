@@ -252,7 +252,7 @@ def _tell_versions(replay: "Replay") -> None:
     """Another version of a library may change the last digits."""
     from shore.logbook.session import start_record
 
-    recorded, ours = replay.start.record.get("versions", {}), start_record({}, {}, 0)["versions"]
+    recorded, ours = replay.start.record.get("versions") or {}, start_record({}, {}, 0)["versions"]
     changed = [name for name, here in ours.items() if recorded.get(name, here) != here]
     others = [f"{name} {recorded[name]} (here {ours[name]})" for name in changed]
     if others:

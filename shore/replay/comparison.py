@@ -4,19 +4,18 @@ Both stand in the log behind the frame that caused them and in the order in whic
 is not found yet is enough, whatever the length of the log.
 """
 
+import struct
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from common.messages import Event, Frame
 from common.units import NS_PER_S
 from shore.logbook.estimates import digest_of, logged
-from shore.logbook.foxglove import event_of
 from shore.logbook.read import LogRecord
 from shore.logbook.schemas import ESTIMATES
 
-EVENT_FIELDS: Final = ("t_ns", "source", "code", "level", "text", "evidence")
 LONGEST: Final = 1000
 """What waits longer than for so many others is not in the log."""
 STATION_EVENTS: Final = frozenset({"frames-gone", "gaps-filled", "link-lost", "link-restored", "config-changed"})
@@ -63,6 +62,7 @@ Key = tuple[str, int]
 Made = tuple[Key, Any]
 NOT_MADE: Final = "in the log, but not made"
 NOT_RECORDED: Final = "made, but not in the log"
+NOT_READ: Final = "what was recorded is not of its form"
 
 
 @dataclass(slots=True)
@@ -92,20 +92,17 @@ class Kind:
         return self.waiting.popleft(), extra
 
 
-def event_in(record: LogRecord) -> dict[str, Any] | None:
-    """The fields of a recorded event; `None` for what another program wrote there."""
-    try:
-        fields = event_of(record.json())
-        return {name: fields[name] for name in EVENT_FIELDS}
-    except (KeyError, TypeError, ValueError):
-        return None
-
-
 class Comparison:
     """Feed it every frame's results, then the records that follow it, and `finish`."""
 
-    def __init__(self, filters: Sequence[str], *, events: bool) -> None:
-        """filters: those that ran live and run again; `events` are compared only when all did, in the same order."""
+    def __init__(
+        self, filters: Sequence[str], content: Callable[[LogRecord], dict[str, Any] | None], *, events: bool
+    ) -> None:
+        """filters: those that ran live and run again; `events` are compared only when all did, in the same order.
+
+        content: of a record, `None` when it has not the form of its channel.
+        """
+        self._content = content
         self._filters = frozenset(filters)
         self._with_events = events
         self._estimates, self._events = Kind(), Kind()
@@ -144,16 +141,16 @@ class Comparison:
         made = found[1]
         digest = digest_of(made)
         # Found in the bytes, the digest spares reading the JSON, which costs more than all the rest.
-        if digest.encode() in record.data or _digest(recorded := record.json()) == digest:
+        recorded = None if digest.encode() in record.data else self._content(record) or {}
+        if recorded is None or _digest(recorded) == digest:
             self.estimates.equal += 1
             return
         self.estimates.different += 1
-        self._note(found[0], _apart(made, recorded))
+        self._note(found[0], _apart(made, recorded) if recorded else NOT_READ)
 
-    def event(self, record: LogRecord) -> None:
-        """A recorded event."""
-        recorded = event_in(record)
-        if not self._with_events or recorded is None or recorded["code"] in STATION_EVENTS:
+    def event(self, recorded: dict[str, Any]) -> None:
+        """A recorded event, with the fields of `Event`."""
+        if not self._with_events or recorded["code"] in STATION_EVENTS:
             return
         found = self._found(self._events, (f"{recorded['code']} of {recorded['source']}", recorded["t_ns"]))
         if found is None:
@@ -207,7 +204,7 @@ def _apart(made: dict[str, Any], recorded: dict[str, Any]) -> str:
 def _digest(recorded: dict[str, Any]) -> str | None:
     try:
         return digest_of(recorded)
-    except (KeyError, TypeError):  # an estimate of another version
+    except (LookupError, TypeError, AttributeError, OverflowError, struct.error):  # an estimate of another version
         return None
 
 

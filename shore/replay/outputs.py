@@ -9,11 +9,11 @@ from typing import Any, Final, Self
 from common.events import line_of
 from common.messages import Event, Frame
 from common.seqset import SeqSet
+from shore.logbook.foxglove import event_of
 from shore.logbook.read import LogRecord
 from shore.logbook.record import LogWriter
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
-from shore.replay.comparison import event_in
 from shore.replay.run import Played, Replay, Start
 from shore.status import StatusLine
 
@@ -162,5 +162,5 @@ class NewLog:
                 self._writer.write_link(record.json(), t_ns)
             elif record.topic == SESSION:
                 self._writer.write_session(record.json(), t_ns)
-            elif (fields := event_in(record)) is not None:
-                self._writer.write_event(Event(**fields), t_ns)
+            else:
+                self._writer.write_event(Event(**event_of(record.json())), t_ns)

@@ -16,18 +16,19 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from common.codec import decode_frame
-from common.errors import CodecError, WayfixError
+from common.errors import WayfixError
 from common.messages import Frame
 from common.sensors import BoatConfig
 from common.settings import convert
 from common.units import NS_PER_S
+from shore.logbook.foxglove import event_of
 from shore.logbook.read import LogReader, LogRecord, read_log
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, LINK, SESSION
 from shore.navigation.estimate import Estimate
 from shore.navigation.timeline import HORIZON_NS
 from shore.pipeline import Output, Pipeline
 from shore.replay.boat_order import FramesByTime
-from shore.replay.comparison import STATION_EVENTS, Comparison, event_in
+from shore.replay.comparison import STATION_EVENTS, Comparison
 from shore.smooth import smooth_log
 
 ORDERS: Final = ("arrival", "time")
@@ -46,7 +47,7 @@ class Start:
     @property
     def options(self) -> dict[str, Any]:
         """What the live run was asked for."""
-        return dict(self.record.get("options", {}))
+        return dict(self.record.get("options") or {})
 
 
 class Span(NamedTuple):
@@ -105,7 +106,7 @@ def session_start(reader: LogReader, path: Path) -> Start:
 
 
 def _start(record: dict[str, Any], path: Path) -> Start:
-    config = record.get("connected", {}).get("config")
+    config = (record.get("connected") or {}).get("config")
     if config is None:
         what = "has no configuration of the board in its session record"
         raise WayfixError(what, str(path), "give a log of `wayfix connect` or `wayfix import`")
@@ -156,14 +157,17 @@ class Frames:
         newest: Frame | None = None
         for record in self._reader.records(SESSION, FRAMES, *topics):
             if record.topic != FRAMES:
-                if record.topic == SESSION and (session := record.json()).get("kind") == "start":
-                    start = start if is_first else _start(session, self._reader.path)
-                    is_first = False
+                if record.topic == SESSION:
+                    session = self._reader.content(record)
+                    if session is None:
+                        continue
+                    if session["kind"] == "start":
+                        start = start if is_first else _start(session, self._reader.path)
+                        is_first = False
                 yield record
                 continue
-            try:
-                frame = decode_frame(record.data)
-            except CodecError:
+            frame = self._reader.frame(record)
+            if frame is None:
                 self.bad += 1
                 continue
             if newest is None or _is_newer(frame, newest):
@@ -233,7 +237,9 @@ class Replay:
         elif not set(self.filters) & set(live):
             self.why_not = "other filters ran"
         both = tuple(name for name in self.filters if name in live)
-        self.comparison = Comparison(both, events=self.filters == live) if self.why_not is None else None
+        self.comparison: Comparison | None = None
+        if self.why_not is None:
+            self.comparison = Comparison(both, self.reader.content, events=self.filters == live)
         self._pipeline = self._new_pipeline(self.source.start)
         self._passed: list[LogRecord] = []
 
@@ -277,21 +283,21 @@ class Replay:
         return Pipeline(start.config, self.filters, self.step_s)
 
     def _beside(self, record: LogRecord) -> None:
-        if record.topic == SESSION:
-            is_passed = record.json().get("kind") in KEPT_KINDS
-        elif record.topic == EVENTS:
-            if self.comparison:
-                self.comparison.event(record)
-            event = event_in(record)
-            is_passed = self.order == "arrival" and event is not None and event["code"] in STATION_EVENTS
-        elif record.topic == LINK:
-            is_passed = self.order == "arrival"
-        else:
-            is_passed = False
+        if record.topic.startswith(ESTIMATES):
             if self.comparison:
                 self.comparison.estimate(record)
-        if is_passed:
+        elif (content := self.reader.content(record)) is not None and self._is_passed(record.topic, content):
             self._passed.append(record)
+
+    def _is_passed(self, topic: str, content: dict[str, Any]) -> bool:
+        if topic == SESSION:
+            return content["kind"] in KEPT_KINDS
+        if topic == LINK:
+            return self.order == "arrival"
+        event = event_of(content)
+        if self.comparison:
+            self.comparison.event(event)
+        return self.order == "arrival" and event["code"] in STATION_EVENTS
 
 
 def smoothed(path: Path, name: str, span: Span | None = None) -> Iterator[Estimate]:

@@ -189,6 +189,12 @@ def test_the_first_minutes_get_utc_from_when_it_was_known() -> None:
     assert made.utc_ns(60 * NS) == 8660 * NS
 
 
+def test_a_date_of_another_year_that_a_receiver_told_for_a_while_is_no_utc() -> None:
+    told = [frame_at(0, 4e8), *(frame_at(t_s, 1000.0, epoch=1) for t_s in (20, 30, 40))]
+    assert clock(*told).utc_ns(0) == 1000 * NS
+    assert clock(*told[:1]).utc_ns(0) == 400_000_000 * NS
+
+
 def test_between_two_knots_utc_is_a_straight_line_and_after_a_step_the_nearer_holds() -> None:
     drift = clock(frame_at(0, 1000.0), frame_at(100, 1000.5))
     assert drift.utc_ns(50 * NS) == 1_050_250_000_000

@@ -145,6 +145,17 @@ def test_any_log_becomes_a_case_cut_to_its_span(tmp_path: Path, capsys: pytest.C
     assert before == {path.name: path.read_bytes() for path in target.iterdir()}
 
 
+def test_words_that_are_no_text_make_no_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for option in ("--text", "--name"):
+        assert command(HERE / "moored" / LOG, tmp_path / "case", option, "caf\udce9") == 2
+        assert f"wayfix: {option}: is no UTF-8 text; write it" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+    assert command(HERE / "moored" / LOG, tmp_path / "caf\udce9") == 0
+    assert r"caf\udce9: " in capsys.readouterr().out
+    case = read_case(tmp_path / "caf\udce9")
+    assert (case.name, case.made_by) == (r"caf\udce9", r"wayfix log case log.mcap caf\udce9")
+
+
 def test_what_a_killed_command_left_blocks_no_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / ".k9.part").mkdir()
     (tmp_path / f".k9.{os.getpid() + 1}.part").mkdir()

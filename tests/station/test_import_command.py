@@ -1,7 +1,9 @@
 """`wayfix import` as a command: what it refuses, what it leaves behind, what stands in the log."""
 
+import csv
 import errno
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,17 +12,27 @@ import pytest
 from mcap.reader import make_reader
 
 from common.errors import WayfixError
+from common.units import NS_PER_S
 from shore.logbook.imports import serial_port
 from shore.logbook.imports.reader import digest_of
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
+from shore.main import main
 from tests.station.imports import Importer
-from tests.station.test_import_readers import MAP, delta, sealed, tpv
+from tests.station.test_import_readers import MAP, T0, delta, sealed, tpv
 
 NMEA = "\r\n".join(
     sealed(f"$GPRMC,1200{second:02d},A,6000.{second:03d},N,02400.000,E,8.0,000.0,141124,,,A*") for second in range(20)
 )
 GPSD = "\n".join(tpv(second, lat=60.0 + 1e-5 * second, lon=24.0, speed=4.0, track=0.0) for second in range(30))
+
+
+def exported(log: Path) -> list[dict[str, str]]:
+    """The rows of its CSV."""
+    out = log.with_suffix(".csv")
+    assert main(["export", str(log), "--to", "csv", str(out)]) == 0
+    with out.open(newline="") as stream:
+        return list(csv.DictReader(stream))
 
 
 @pytest.fixture
@@ -42,6 +54,9 @@ def importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Importer:
         (b'{"a": 1, "b": [2]}', "its keys: a, b"),
         (b'{"vessels": {"self": {}}, "version": "1"}', "one moment"),
         (b'{"type": "FeatureCollection", "features": []}', "GeoJSON"),
+        (b'{"type": "FeatureCollection", "generator": "wayfix", "features": [\n', "track of `wayfix export` (GeoJSON)"),
+        ("$GPRMC,1\r\n".encode("utf-16"), "UTF-16"),
+        ("$GPRMC,1\r\n".encode("utf-16-be").join((b"\xfe\xff", b"")), "UTF-16"),
         (b'{\n "class": "TPV",\n "lat": 1\n}', "jq -c"),
         (b'<?xml version="1.0"?>\n<gpx version="1.1">\n</gpx>', "is GPX"),
         (b"time,lat,lon\n1,2,3\n4,5,6\n", "the columns time, lat, lon"),
@@ -50,7 +65,7 @@ def importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Importer:
     ],
 )
 def test_what_cannot_be_imported_is_named(content: bytes, words: str, importer: Importer) -> None:
-    with pytest.raises(WayfixError, match=words.replace("(", r"\(")) as caught:
+    with pytest.raises(WayfixError, match=re.escape(words)) as caught:
         importer.text(content)
     assert caught.value.cure
     assert sorted(path.name for path in importer.directory.iterdir()) == ["in.log"]
@@ -83,6 +98,7 @@ def test_nothing_is_overwritten(importer: Importer) -> None:
         (["--filters", "magic"], "unknown filter"),
         (["--port", "gps"], "--port"),
         (["--map", "map.toml"], "needs no mapping"),
+        (["--vessel", "230000000"], "Signal K"),
         (["--lines-per-second", "5"], "has its own times"),
         (["--config", "none.toml"], "cannot be read"),
     ],
@@ -231,7 +247,8 @@ def test_a_full_disk_or_ctrl_c_leaves_nothing_behind(
             importer.text(GPSD, filters="fuzzy")
     else:
         interrupted = importer.text(GPSD, filters="fuzzy")
-        assert (interrupted.code, interrupted.summary) == (1, {})
+        assert (interrupted.code, interrupted.summary) == (0, {})
+        assert interrupted.words.endswith("out.mcap was not written\n")
     assert sorted(path.name for path in importer.directory.iterdir()) == ["in.log"]
 
 
@@ -256,6 +273,39 @@ def test_a_clock_that_was_set_back_is_told(importer: Importer) -> None:
         assert frame.utc_ns is not None
         for fix in frame.fixes:
             assert fix.utc_ns == frame.utc_ns + fix.t_ns - frame.t0_ns
+
+
+def test_a_receiver_before_its_first_fix_does_not_date_the_trip(importer: Importer) -> None:
+    after = [tpv(second, lat=1.0 + second / 1e5, lon=2.0) for second in range(20)]
+    for name, date in (("old", "1980-01-06T00:00"), ("ahead", "2036-02-07T06:28")):
+        before = [line.replace("2023-11-14T22:13", date) for line in after[:5]]
+        imported = importer.text("\n".join([*before, *after]), out=f"{name}.mcap", filters="fuzzy")
+        assert imported.summary["utc"] == "2023-11-14T22:13:15+00:00"
+        assert imported.summary["seconds"] == pytest.approx(24.1, abs=0.1)
+        assert "5 records bear another date" in imported.words
+        times = [fix.t_ns for fix in imported.fixes]
+        assert times == [times[0] + number * NS_PER_S for number in range(25)]
+        told = [frame.utc_ns for frame in imported.frames]
+        known = [utc_ns for utc_ns in told if utc_ns is not None]
+        assert 40 < told.count(None) < 60
+        assert (min(known) - T0) // NS_PER_S in (-1, 0)
+        records = list(read_log(imported.out).records("/frames"))
+        assert records[-1].log_time_ns - records[0].log_time_ns == imported.frames[-1].t1_ns - imported.frames[0].t1_ns
+        rows = exported(imported.out)
+        assert rows[0]["utc"].startswith("2023-11-14T22:13:15")
+        assert rows[-1]["utc"].startswith("2023-11-14T22:13:39")
+
+
+def test_a_serial_recording_is_dated_by_most_of_its_frames(importer: Importer) -> None:
+    ahead = [
+        sealed(line[:-2].replace("141124", "070236").replace(",1200", ",1159")) for line in NMEA.split("\r\n")[-5:]
+    ]
+    # Rows of NMEA, five seconds earlier and twelve years later.
+    ahead = [sealed(f"$GPRMC,1159{second},A,6000.000,N,02400.000,E,8.0,000.0,070236,,,A*") for second in range(55, 60)]
+    imported = importer.text("\r\n".join([*ahead, NMEA]))
+    assert imported.summary["utc"] == "2024-11-14T11:59:55+00:00"
+    log_times = [record.log_time_ns for record in read_log(imported.out).records("/frames")]
+    assert (log_times[-1] - log_times[0]) / NS_PER_S == pytest.approx(imported.summary["seconds"], abs=0.2)
 
 
 def test_json_is_the_last_line(importer: Importer) -> None:

@@ -22,7 +22,7 @@ from shore.logbook.imports.columns import ColumnReader
 from shore.logbook.imports.gpsd import GpsdReader
 from shore.logbook.imports.plan import NO_TIME, Plan
 from shore.logbook.imports.reader import Lines, Reader
-from shore.logbook.imports.signalk import SELF, SignalKReader, own_context
+from shore.logbook.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.logbook.imports.values import utc_ns_of
 from tests.station.imports import Importer
 
@@ -107,15 +107,45 @@ def test_signal_k_of_other_vessels_and_of_the_server_itself_is_left_out(importer
 
 
 def test_whose_deltas_are_ours(tmp_path: Path) -> None:
-    def own(*lines: str) -> str:
+    def own(*lines: str, wanted: str | None = None) -> tuple[str, ...]:
         (tmp_path / "log").write_text("\n".join(lines))
-        return own_context(Lines(tmp_path / "log"))
+        return own_contexts(Lines(tmp_path / "log"), wanted, "a.log")
 
     ours = delta(0, "a", headingTrue=1.0).replace(SELF, "vessels.urn:mrn:signalk:uuid:1")
     other = delta(0, "a", position={}).replace(SELF, "vessels.urn:mrn:imo:mmsi:2")
-    assert own(ours) == own(other, other, ours) == "vessels.urn:mrn:signalk:uuid:1"
-    assert own(other, delta(0, "a", position={})) == SELF
-    assert own(ours, ours.replace("uuid:1", "uuid:2")) == SELF  # two that steer: nobody knows which
+    third = other.replace("mmsi:2", "mmsi:12")
+    greeting = '{"self":"urn:mrn:signalk:uuid:1"}'
+    assert own(ours) == own(other, other, ours) == ("vessels.urn:mrn:signalk:uuid:1",)
+    assert own(other, delta(0, "a", position={})) == own("{}") == (SELF,)
+    assert own(other, other.replace("vessels.", "atons.")) == ("vessels.urn:mrn:imo:mmsi:2",)
+    assert own(other, third, greeting) == own(ours, greeting, wanted="self") == ("vessels.urn:mrn:signalk:uuid:1", SELF)
+    for wanted in ("2", "urn:MRN:imo:mmsi:2", "vessels.urn:mrn:imo:mmsi:2"):
+        assert own(ours, other, third, greeting, wanted=wanted) == ("vessels.urn:mrn:imo:mmsi:2",)
+    with pytest.raises(WayfixError, match="2 vessels and does not say") as caught:
+        own(ours, ours.replace("uuid:1", "uuid:2"))  # both steer
+    assert "--vessel NAME: urn:mrn:signalk:uuid:1, urn:mrn:signalk:uuid:2" in str(caught.value)
+    with pytest.raises(WayfixError, match="2 vessels and does not say"):
+        own(other, third)  # neither does
+    with pytest.raises(WayfixError, match="no vessel of the name '3'"):
+        own(other, third, wanted="3")
+    with pytest.raises(WayfixError, match="several vessels of the name '2'"):
+        own(other, other.replace("imo", "foo"), wanted="2")
+
+
+def test_only_the_vessel_that_was_asked_for(importer: Importer) -> None:
+    lines = [
+        delta(second, "gps", position={"latitude": 10.0 + mmsi, "longitude": 2.0}).replace(SELF, f"vessels.x:{mmsi}")
+        for second in range(4)
+        for mmsi in (1, 2)
+    ]
+    lines += [delta(second, "gps", position={"latitude": 50.0, "longitude": 2.0}) for second in range(4)]
+    assert {fix.lat_deg for fix in importer.text("\n".join(lines)).fixes} == {50.0}
+    imported = importer.text("\n".join(lines), "--vessel", "2", out="second.mcap")
+    assert {fix.lat_deg for fix in imported.fixes} == {12.0}
+    assert imported.summary["own"] == "vessels.x:2"
+    assert imported.account("values")["ignored"] == {"of another vessel": 8}
+    with pytest.raises(WayfixError, match="the boat's own sentences"):
+        importer.text("1700000000000;N;$GPGLL,1,N,2,E*00\n", "--vessel", "2", out="third.mcap")
 
 
 def test_values_that_cannot_be_are_refused_alone(importer: Importer) -> None:
@@ -255,6 +285,16 @@ yaw_rate_scale = -10.0
 """
 
 
+def test_a_decimal_comma_in_times_too(importer: Importer) -> None:
+    mapping = importer.directory / "map.toml"
+    mapping.write_text(MAP)
+    table = "t;lat;lon;v;psi;r\n1700000000,5;60,5;24,1;1;2;3\n1700000001,5;60,5;24,1;1;2;3\n"
+    imported = importer.text(table, "--map", str(mapping))
+    assert [(fix.t_ns, fix.lat_deg) for fix in imported.fixes] == [
+        (T0 + NS_PER_S // 2 + n * NS_PER_S, 60.5) for n in (0, 1)
+    ]
+
+
 def test_a_table_with_holes_and_rubbish(importer: Importer) -> None:
     mapping = importer.directory / "map.toml"
     mapping.write_text(MAP)
@@ -280,51 +320,6 @@ def test_a_table_with_holes_and_rubbish(importer: Importer) -> None:
     assert imported.account("rows for fix")["rejected"] == {"lon: out of range": 1}
     assert imported.account("rows for fix")["ignored"] == {"empty": 1}
     assert imported.account("rows for heading")["rejected"] == {"not a number": 1}
-
-
-def test_a_plan_of_plain_times_is_the_times() -> None:
-    plan = Plan(array("q", [T0, T0 + 5000, T0 + 4000, T0 + NS_PER_S]), 1.0)
-    assert [plan.at(number) for number in range(4)] == [T0, T0 + 5000, T0 + 4000, T0 + NS_PER_S]
-    assert plan.doubted == set()
-
-
-def seconds(*values: float | None) -> "array[int]":
-    return array("q", (NO_TIME if value is None else round(value * NS_PER_S) for value in values))
-
-
-def planned(plan: Plan, count: int) -> list[float | None]:
-    return [None if (t_ns := plan.at(number)) is None else t_ns / NS_PER_S for number in range(count)]
-
-
-def test_single_wrong_times_are_left_out() -> None:
-    assert planned(Plan(seconds(1, 2, 900_000, 3, 4, 5), 1.0), 6) == [1, 2, None, 3, 4, 5]
-    assert planned(Plan(seconds(101, 102, 3, 103, 104, 105), 1.0), 6) == [101, 102, None, 103, 104, 105]
-
-
-def test_a_step_back_that_lasts_moves_utc_not_boat_time() -> None:
-    plan = Plan(seconds(101, 102, 103, 51, 52, 53), 1.0)
-    assert planned(plan, 6) == [101, 102, 103, 104, 105, 106]
-    assert [plan.epoch(number) for number in (2, 3)] == [0, 1]
-    assert plan.shift_ns(3) == 53 * NS_PER_S
-
-
-def test_a_step_ahead_that_lasts_is_a_gap() -> None:
-    assert planned(Plan(seconds(1, 2, 1000, 1001, 1002), 1.0), 5) == [1, 2, 1000, 1001, 1002]
-
-
-def test_records_without_time_lie_between_those_with() -> None:
-    assert planned(Plan(seconds(None, 1, None, None, 4, None), 1.0), 6) == [None, 1, 2, 3, 4, 5.5]
-    assert planned(Plan(seconds(1, 2, 3, None, 1000), 1.0), 5) == [1, 2, 3, 3.5, 1000]
-    assert planned(Plan(seconds(None, None), 4.0), 2) == [0, 0.25]
-    assert planned(Plan(seconds(5, 5, 6), 1.0, spread=True, is_utc=False), 3) == [0, 0.5, 1]
-
-
-@given(st.lists(st.none() | st.integers(-4 * 10**18, 4 * 10**18), max_size=40), st.booleans(), st.booleans())
-def test_any_times_make_a_plan(times: list[int | None], spread: bool, is_utc: bool) -> None:
-    plan = Plan(array("q", (NO_TIME if t is None else t for t in times)), 1.0, spread=spread, is_utc=is_utc)
-    for number in range(len(times)):
-        t_ns = plan.at(number)
-        assert t_ns is None or (t_ns % 1000 == 0 and abs(t_ns) < 2**63)
 
 
 JUNK = st.recursive(
@@ -416,7 +411,10 @@ def test_any_gpsd_lines_are_read_without_an_exception(lines: list[str]) -> None:
 
 @given(lines_of(DELTA))
 def test_any_deltas_are_read_without_an_exception(lines: list[str]) -> None:
-    own = own_context(Given(lines))
+    try:
+        own = own_contexts(Given(lines), None, "a.log")
+    except WayfixError:  # several vessels: any of them will do
+        own = (SELF,)
     through(SignalKReader(Given(lines), own), SignalKReader(Given(lines), own))
 
 

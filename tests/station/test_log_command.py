@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import json
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import pytest
 
 from common.codec import encode_frame
-from common.errors import WayfixError
+from common.command import run_command
+from common.errors import SettingsError, WayfixError
 from common.events import event
 from common.messages import Frame
 from shore.logbook.arguments import add_arguments
@@ -120,6 +122,95 @@ def test_a_name_that_was_damaged_is_seen(tmp_path: Path, capsys: pytest.CaptureF
     said = capsys.readouterr().out
     assert "not those of the records" in said
     assert json.loads(said.splitlines()[-1])["logs"][0]["summary_differs"] is True
+
+
+def test_another_log_behind_is_said_and_nothing_is_counted_twice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = log_bytes(100)
+    path = put(tmp_path / "a.mcap", content + content)
+    said_twice = (
+        f"another log begins at byte {len(content)}, which is not read (`tail -c +{len(content) + 1} LOG > NEW`"
+    )
+    assert wayfix_log("verify", path, "--json") == 1
+    said = capsys.readouterr().out
+    assert "a.mcap: damaged, another log stands behind it" in said
+    assert said_twice in " ".join(said.split())
+    (report,) = json.loads(said.splitlines()[-1])["logs"]
+    assert (report["frames"]["count"], report["losses"]) == (100, [])
+    assert wayfix_log("ls", path, "--json") == 0
+    (trip,) = answer(capsys)["trips"]
+    assert (trip["state"], trip["frames"]) == ("damaged", 100)
+    assert wayfix_log("recover", path) == 0
+    assert said_twice in capsys.readouterr().out
+    assert wayfix_log("verify", tmp_path / "a-recovered.mcap") == 0
+
+
+def test_the_list_and_the_check_agree_on_a_damaged_header(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    content = log_bytes(40)
+    header, part, magic = content[:9] + b"\xff" * 8 + content[17:], content[:12] + content[40:], bytes(8) + content[8:]
+    for number, broken in enumerate((header, part, magic, content[300:])):
+        path = put(tmp_path / f"{number}.mcap", broken)
+        assert wayfix_log("verify", path, "--json") == 1
+        state = answer(capsys)["logs"][0]["state"]
+        assert wayfix_log("ls", path, "--json") == 0
+        (trip,) = answer(capsys)["trips"]
+        assert (trip["state"], trip["boat"]) == (state, "springer") == ("damaged", "springer")
+        assert wayfix_log("recover", path) == 0
+        assert wayfix_log("verify", tmp_path / f"{number}-recovered.mcap") == 0
+        capsys.readouterr()
+
+
+def test_a_log_that_ends_behind_its_magic_lost_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = put(tmp_path / "a.mcap", log_bytes(40)[:8])
+    assert wayfix_log("verify", path) == 1
+    said = capsys.readouterr().out
+    assert "a.mcap: cut, all of it is lost" in said
+    assert "an unknown number of records lost from the beginning, at byte 8: cut between two records" in " ".join(
+        said.split()
+    )
+
+
+def test_names_cannot_steer_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    writer = LogWriter(tmp_path, "springer", UTC_NS)
+    writer.write_session({"kind": "trip", "name": "sea\x1b[31m\ntrial", "note": "first\nsecond\x07"}, UTC_NS)
+    writer.close()
+    path = writer.path.rename(tmp_path / "tri\x1b]0;p\n.mcap")
+    put(tmp_path / "no\x9b log.mcap", b"none")
+    for words in (("ls", tmp_path), ("info", path), ("verify", path), ("recover", path)):
+        assert wayfix_log(*words) == 0
+    said = capsys.readouterr().out
+    assert not any(letter in said for letter in "\x1b\x07\x9b")
+    assert r"tri\x1b]0;p\n.mcap" in said
+    assert r"sea\x1b[31m\ntrial" in said
+    assert re.search(r"note +first *\n", said), "a note may have lines"
+    assert wayfix_log("verify", tmp_path / "no\x9b log.mcap") == 2
+    assert r"no\x9b log.mcap: not an MCAP log" in capsys.readouterr().err
+
+
+def test_a_sentence_about_a_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def faults() -> int:
+        raise SettingsError("boat\x1b.toml", ["one", "two"])
+
+    assert run_command("wayfix", "shore", lambda: wayfix_log("info", tmp_path / "a\x1b\nb.mcap")) == 2
+    assert run_command("wayfix", "shore", faults) == 2
+    first, second, third = capsys.readouterr().err.splitlines()
+    assert r"/a\x1b\nb.mcap: cannot be read" in first
+    assert (second, third) == (r"wayfix: boat\x1b.toml: one", r"boat\x1b.toml: two")
+
+
+def test_a_trip_of_which_nothing_was_aligned_is_where_its_fixes_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    writer = LogWriter(tmp_path, "springer", UTC_NS)
+    for seq in range(10):
+        writer.write_frame(encode_frame(frame(seq)), frame(seq), UTC_NS + seq)
+    writer.close()
+    assert wayfix_log("info", writer.path) == 0
+    said = capsys.readouterr().out
+    assert "nothing was aligned; the fixes are in 50.00000 N to 50.00090 N, 4.00000 W to 4.00000 W" in " ".join(
+        said.split()
+    )
 
 
 def test_several_logs_are_verified_at_once_and_the_worst_decides(
@@ -248,12 +339,12 @@ def test_info_of_a_log_of_another_program(tmp_path: Path, capsys: pytest.Capture
     assert wayfix_log("info", path, "--json") == 0
     assert wayfix_log("verify", path, "--json") == 0
     (report,) = answer(capsys)["logs"]
-    assert report["not_understood"] == {"/estimates/x": 15, "/events": 15, "/frames": 15}
+    assert report["not_understood"] == {"/estimates/x": 15, "/events": 15, "/frames": 15, "/session": 15}
 
 
 def test_recover_and_name_say_what_they_did(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = put(tmp_path / "a.mcap", harmed(log_bytes(100), 3))
-    with pytest.raises(WayfixError, match=r"is damaged; `wayfix log recover a.mcap`"):
+    with pytest.raises(WayfixError, match=r"is damaged; `wayfix log recover /\S+/a.mcap`"):
         wayfix_log("name", path, "--name", "x")
     assert wayfix_log("recover", path, "--name", "x", "--json") == 0
     said = capsys.readouterr().out

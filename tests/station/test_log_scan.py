@@ -1,5 +1,6 @@
 """Whatever happens to a file: no exception, no wrong record, and what is lost is named."""
 
+import io
 import random
 from pathlib import Path
 
@@ -8,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType
 
+from shore.logbook.damage import AnotherLog, Flaw
 from shore.logbook.mcap_records import HEAD, MAGIC
 from shore.logbook.read import read_log
+from shore.logbook.scan import is_log
 from tests.station.log_files import (
     EACH_NS,
     UTC_NS,
@@ -201,19 +204,125 @@ def test_records_of_channels_that_nobody_names_are_counted_and_never_guessed() -
     assert sum(loss.records or 0 for loss in harmed.scan.losses) == len(lost)
 
 
-def test_two_logs_in_one_file_are_read_as_two() -> None:
+def test_of_two_logs_in_one_file_the_first_is_read_and_the_other_said() -> None:
     first, second = log_bytes(SMALL), other_writer()
-    both = seen(first + second)
-    assert both.messages == seen(first).messages + seen(second).messages
-    assert not both.losses
+    truth = seen(first)
+    for behind in (second, first):
+        both = seen(first + behind)
+        assert (both.messages, both.losses) == (truth.messages, [])
+        (flaw,) = both.scan.flaws
+        assert isinstance(flaw, AnotherLog)
+        assert (flaw.first_byte, flaw.end_byte) == (len(first), len(first) + len(behind))
+        assert seen((first + behind)[flaw.first_byte :]).scan.flaws == [], "what the cure takes out is whole"
     rng = random.Random(5)
-    truth = seen(first).messages
     for cut in (rng.randrange(9, len(first)) for _ in range(200)):
         both = seen(first[:cut] + second)
-        mine = both.messages[: -len(seen(second).messages)]
-        assert both.messages[len(mine) :] == seen(second).messages, "no channel of the first log in the second"
-        assert mine == truth[: len(mine)]
-        assert len(mine) == len(truth) or both.scan.losses
+        if cut < chunks_of(first)[0][1]:
+            assert both.messages == seen(second).messages, "a beginning of which nothing is sound is passed over"
+            continue
+        assert both.messages == truth.messages[: len(both.messages)], "nothing of the second log in the first"
+        assert len(both.messages) == len(truth.messages) or both.losses
+        assert any(isinstance(flaw, AnotherLog) and flaw.first_byte == cut for flaw in both.scan.flaws)
+
+
+def test_a_damaged_magic_costs_nothing() -> None:
+    content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
+    for whole in (content, content[: chunks_of(content)[-1][0]]):
+        for broken in (b"\xff" * 8 + whole[8:], b"\x88" + whole[1:]):
+            harmed = seen(broken)
+            assert harmed.messages == truth.messages[: len(harmed.messages)]
+            assert harmed.scan.losses == []
+            assert harmed.scan.flaws[0] == Flaw(0, 8, "the first bytes are damaged")
+            assert is_log(io.BytesIO(broken))
+    for gone in (3, 8, 29, chunks_of(content)[0][0]):
+        harmed = seen(content[gone:])
+        assert harmed.messages == truth.messages
+        assert harmed.losses == []
+        assert harmed.scan.flaws
+        assert is_log(io.BytesIO(content[gone:]))
+    assert not is_log(io.BytesIO(b"$GPRMC," * 100))
+
+
+def test_a_log_behind_other_bytes_is_read() -> None:
+    content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
+    harmed = seen(b"tar" * 100 + content)
+    assert (harmed.messages, harmed.losses) == (truth.messages, [])
+    assert harmed.scan.flaws == [Flaw(0, 300, "bytes before the log")]
+
+
+def test_bytes_cut_out_cost_the_chunks_they_stood_in_only() -> None:
+    content, truth = log_bytes(LARGE), seen(log_bytes(LARGE))
+    chunks = chunks_of(content)
+    rng = random.Random(10)
+    for _ in range(150):
+        at, size = rng.randrange(len(content) * 2 // 3), int(10 ** rng.uniform(0, 4))
+        harmed = seen(content[:at] + content[at + size :])
+        lost = check_against(truth, harmed)
+        touched = [chunk for chunk in chunks if chunk[0] < at + size and at < chunk[1]]
+        assert harmed.scan.chunks == len(chunks) - len(touched)
+        assert bool(lost) == bool(harmed.losses) == bool(touched)
+        assert sum(loss.records or 0 for loss in harmed.losses) == len(lost)
+        assert harmed.scan.flaws, "bytes that are gone are said"
+
+
+def test_the_end_of_another_log_names_no_channel() -> None:
+    first, second = log_bytes(SMALL), other_writer()
+    chunks = chunks_of(first)
+    start, end = chunks[2][0], chunks[4][1]  # chunks that name no channel, and nothing that begins or ends their log
+    harmed = seen(MAGIC + first[start:end] + second[chunks_of(second)[0][0] :])
+    assert harmed.messages == seen(second).messages
+    (loss,) = harmed.losses
+    assert loss.records == 3 * 31
+    harmed = seen(MAGIC + first[start:end] + first[chunks[-1][0] :])
+    assert len(harmed.messages) == 3 * 31 + 1, "its own end does"
+
+
+@pytest.mark.parametrize("block", [*range(20, 30), 100, 4 * 2**20])
+def test_the_end_of_a_log_is_found_wherever_it_stands(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shore.logbook.mcap_tail.BLOCK", block)
+    content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
+    at = chunks_of(content)[1][0] + 20
+    for gone in range(1, 40, 6):
+        harmed = seen(content[:at] + content[at + gone :])
+        assert len(check_against(truth, harmed)) == 31
+        assert [loss.records for loss in harmed.losses] == [31]
+
+
+def test_metadata_of_which_bytes_are_gone_is_not_believed() -> None:
+    content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
+    _, end = next((at, end) for opcode, at, end in records_of(content) if opcode == 12)
+    data_end = next(at for opcode, at, _ in records_of(content) if opcode == 15)
+    for gone in (2, 3, 20):  # of its last word, which then seems to reach into the next record
+        harmed = seen(content[: end - gone] + content[end:])
+        assert (harmed.messages, harmed.losses, harmed.others) == (truth.messages, [], [])
+        assert harmed.scan.flaws
+        harmed = seen(content[: end - gone] + content[data_end:])
+        assert (harmed.messages, harmed.scan.cut, harmed.others) == (truth.messages[:-1], None, [])
+
+
+def test_damage_behind_the_last_chunk_of_a_log_with_bytes_gone_is_no_cut() -> None:
+    content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
+    at, end = chunks_of(content)[-1]
+    for harmed in (seen(content[: at + 50] + content[at + 60 :]), seen(content[: end + 40] + content[end + 50 :])):
+        lost = check_against(truth, harmed)
+        assert harmed.scan.cut is None
+        assert sum(loss.records or 0 for loss in harmed.losses) == len(lost) <= 1
+
+
+def test_bytes_put_in_cost_a_chunk_or_two_and_no_record_comes_twice() -> None:
+    content, truth = log_bytes(LARGE), seen(log_bytes(LARGE))
+    rng = random.Random(11)
+    chunks = chunks_of(content)
+    for _ in range(150):
+        at, size = rng.randrange(len(content) * 2 // 3), int(10 ** rng.uniform(0, 4))
+        origin = rng.randrange(at + 1)
+        junk = rng.choice((rng.randbytes(size), content[origin:at][:size], bytes(size)))
+        harmed = seen(content[:at] + junk + content[at:])
+        lost = check_against(truth, harmed)
+        touched = [chunk for chunk in chunks if chunk[0] < at < chunk[1]]
+        assert harmed.scan.chunks >= len(chunks) - len(touched) - 1, "half a chunk put in may reach into the next"
+        assert sum(loss.records or 0 for loss in harmed.losses) == len(lost)
+        assert harmed.scan.flaws
 
 
 def test_bytes_behind_the_end_are_said() -> None:
@@ -275,10 +384,12 @@ def test_damage_in_logs_of_other_writers_gives_no_wrong_record(compression: Comp
 
 
 def test_a_chunk_cut_out_is_missed_beside_another_loss() -> None:
-    content = log_bytes(SMALL)  # the channel of /session is lost with it, so a record at the end is unknown
-    harmed = seen(content[:29] + content[29 + 384 :])
-    assert len(check_against(seen(content), harmed)) == 2
-    assert [loss.records for loss in harmed.losses] == [1, 1]
+    at, end = chunks_of(log_bytes(SMALL))[3]
+    content = bytearray(log_bytes(SMALL))
+    content[(at + end) // 2] ^= 0xFF
+    harmed = seen(bytes(content[:29] + content[29 + 384 :]))
+    assert len(check_against(seen(log_bytes(SMALL)), harmed)) == 32
+    assert [loss.records for loss in harmed.losses] == [1, 31]
 
 
 def test_messages_outside_of_chunks_are_not_believed_behind_damage() -> None:
@@ -400,7 +511,7 @@ def test_ten_thousand_kinds_of_harm() -> None:
         if rng.random() < 0.5:
             del content[len(content) * 3 // 4 :]
         for _ in range(rng.choice((1, 1, 2, 4))):
-            at, size = rng.randrange(len(MAGIC), len(content)), rng.choice((1, 4, 60, 500))
+            at, size = rng.randrange(len(content)), rng.choice((1, 4, 60, 500, 3000))
             harm = rng.randrange(4)
             if harm == 0:
                 content[at] ^= rng.randrange(1, 256)

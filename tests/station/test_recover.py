@@ -31,6 +31,10 @@ def harmed_chunk(content: bytes, number: int = 3) -> bytes:
     return bytes(broken)
 
 
+def without(content: bytes, at: int, size: int) -> bytes:
+    return content[:at] + content[at + size :]
+
+
 HARMS: dict[str, Callable[[bytes], bytes]] = {
     "whole": lambda content: content,
     "damaged": harmed_chunk,
@@ -39,6 +43,9 @@ HARMS: dict[str, Callable[[bytes], bytes]] = {
     "cut and damaged": lambda content: harmed_chunk(content)[: len(content) // 2],
     "cut in the index": lambda content: content[:-100],
     "two logs": lambda content: content[: len(content) // 2] + other_writer(),
+    "the same log twice": lambda content: content + content,
+    "a hole at the beginning": lambda content: without(content, 100, 2500),
+    "a damaged header": lambda content: content[:9] + b"\xff" * 12 + content[21:],
     "no chunks": lambda _: other_writer(use_chunking=False),
     "lz4": lambda _: other_writer(compression=CompressionType.LZ4),
 }
@@ -149,7 +156,7 @@ def test_a_damaged_log_gets_no_name(tmp_path: Path, harm: str) -> None:
     path.write_bytes(HARMS[harm](log_bytes(100)))
     before = path.read_bytes()
     assert TRIP is not None
-    with pytest.raises(WayfixError, match=r"`wayfix log recover trip\.mcap` with the same --name"):
+    with pytest.raises(WayfixError, match=r"`wayfix log recover /\S+/trip\.mcap` with the same --name"):
         name_log(path, TRIP, quiet)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]

@@ -6,6 +6,7 @@ are the station's UTC, in an import the recording's own where it had a date, and
 """
 
 from bisect import bisect_right, insort
+from statistics import median_low
 from typing import Any, Final, NamedTuple
 
 from common.messages import UTC_SOURCES, Frame
@@ -17,6 +18,7 @@ ARRIVAL_NS: Final = 60 * NS_PER_S
 """The quickest of the frames of so long stands for their arrivals."""
 EARLIEST_NS: Final = 946_684_800 * NS_PER_S
 """1 January 2000: what arrived before is a log of times that are no UTC."""
+WRONG_DATE_NS: Final = 365 * 86_400 * NS_PER_S
 _ARRIVAL: Final = 0
 """Rank of the arrivals: that of `none`."""
 
@@ -81,9 +83,11 @@ class Clock:
             self._quickest = knot
 
     def settle(self) -> None:
-        """All is known: UTC goes by the best source."""
+        """All is known: UTC goes by the best source, without the date of a clock that was wrong for a while."""
         self._keep_quickest()
-        self._best = self._knots[max(self._knots)] if self._knots else []
+        knots = self._knots[max(self._knots)] if self._knots else []
+        usual_ns = median_low(knot.offset_ns for knot in knots) if knots else 0
+        self._best = [knot for knot in knots if abs(knot.offset_ns - usual_ns) < WRONG_DATE_NS]
 
     def _keep_quickest(self) -> None:
         if self._quickest is not None:

@@ -52,7 +52,8 @@ def _export(arguments: argparse.Namespace, kind: Format, reader: LogReader, targ
     with _progress("writing", total_s) as track.shown:
         rows = _write(kind, target, track)
     if not rows:
-        say(f"{arguments.log}: holds no {'usable fix' if name == RAW else 'estimate'}; nothing was written")
+        why = f" ({reader.damage})" if reader.damage else ""
+        say(f"{arguments.log}: holds no {'usable fix' if name == RAW else 'estimate'}{why}; nothing was written")
         finish(arguments, {"out": None, "rows": 0, "events": track.marks})
         return 1
     _say_what(arguments, track)

@@ -23,6 +23,9 @@ LIBRARY: Final = "wayfix-export"
 """In the header of the file: tells it from a log."""
 
 
+_LAST_NS: Final = 2**64 - 1
+
+
 class _Message(NamedTuple):
     """One record, sortable by the time it is shown at."""
 
@@ -86,5 +89,5 @@ def _of_fixes(track: Track) -> Iterator[_Message]:
 
 
 def _time_ns(utc_ns: int | None, t_s: float) -> int:
-    """Never below 0: what was before the first frame stands at its time."""
-    return max(round(t_s * NS_PER_S) if utc_ns is None else utc_ns, 0)
+    """As MCAP can say it: what was before the first frame stands at its time."""
+    return min(max(round(t_s * NS_PER_S) if utc_ns is None else utc_ns, 0), _LAST_NS)

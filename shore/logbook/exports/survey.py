@@ -5,8 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
-from common.codec import decode_frame
-from common.errors import CodecError
 from common.messages import Frame
 from common.units import NS_PER_S
 from shore.logbook.exports.clocks import Clock, Clocks
@@ -68,7 +66,7 @@ class Survey:
 
 def survey_of(reader: LogReader, shown: Callable[[float], None]) -> Survey:
     """Read the log once; `shown` is called with seconds of the log now and then."""
-    pass_ = _Pass()
+    pass_ = _Pass(reader)
     for count, record in enumerate(reader.records()):
         pass_.take(record)
         if count % SHOWN_EACH == 0:
@@ -77,7 +75,8 @@ def survey_of(reader: LogReader, shown: Callable[[float], None]) -> Survey:
 
 
 class _Pass:
-    def __init__(self) -> None:
+    def __init__(self, reader: LogReader) -> None:
+        self._reader = reader
         self.found = Survey()
         self._clock: Clock | None = None
         """Of the frame that was decoded last."""
@@ -92,10 +91,11 @@ class _Pass:
             self._frame(record)
         elif record.topic.startswith(ESTIMATES):
             self.found.estimates[record.topic.removeprefix(ESTIMATES)] += 1
-        elif record.topic == EVENTS:
-            self._event(event_of(record.json()))
-        elif record.topic == SESSION:
-            self._session(record.json())
+        elif record.topic in (EVENTS, SESSION) and (content := self._reader.content(record)) is not None:
+            if record.topic == SESSION:
+                self._session(content)
+            else:
+                self._event(event_of(content))
 
     def finish(self) -> Survey:
         found = self.found
@@ -115,7 +115,7 @@ class _Pass:
         self.found.frames += 1
         t_ns = record.publish_time_ns
         if self._clock is None or not 0 <= t_ns - self._looked_ns < LOOK_NS:
-            frame = _decoded(record)
+            frame = self._reader.frame(record)
             if frame is None:
                 return
             self._look(frame)
@@ -140,10 +140,3 @@ class _Pass:
             self._early.append(event)
         else:
             self.found.events.append(Happened(self._clock, event))
-
-
-def _decoded(record: LogRecord) -> Frame | None:
-    try:
-        return decode_frame(record.data)
-    except CodecError:
-        return None

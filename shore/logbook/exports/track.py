@@ -13,8 +13,6 @@ from heapq import heappop, heappush
 from itertools import chain
 from typing import Any, Final, NamedTuple
 
-from common.codec import decode_frame
-from common.errors import CodecError
 from common.messages import Fix, Frame
 from common.units import NS_PER_S
 from shore.logbook.exports.clocks import Clock
@@ -66,11 +64,11 @@ class Row(NamedTuple):
 
     @property
     def covariance_m2(self) -> tuple[float, float, float] | None:
-        """Of the place: east, east-north, north; `None` behind a raw fix, and where it was not finite."""
-        if self.record is None:
+        """Of the place: east, east-north, north; `None` behind a raw fix, and where it was not finite or not said."""
+        if self.record is None or len(self.record["state"]) < 2:
             return None
         east, cross, north = (self.record["covariance"][index] for index in (0, 1, len(self.record["state"])))
-        return None if None in (east, cross, north) else (east, cross, north)
+        return None if None in (east, cross, north) or min(east, north) < 0.0 else (east, cross, north)
 
 
 class Mark(NamedTuple):
@@ -157,9 +155,8 @@ class Track:
         for count, record in enumerate(self.reader.records(FRAMES)):
             if kind not in record.data:  # the name of a list that is not empty: most frames have no fix
                 continue
-            try:
-                frame = decode_frame(record.data)
-            except CodecError:
+            frame = self.reader.frame(record)
+            if frame is None:
                 continue
             clock = clocks.of_frame(frame)
             if count % SHOWN_EACH == 0:
@@ -169,7 +166,7 @@ class Track:
     def fixes(self) -> Iterator[tuple[Clock, Fix]]:
         """Fixes with a position, of all receivers."""
         for clock, frame in self.frames(b"fixes"):
-            yield from ((clock, fix) for fix in frame.fixes if fix.lat_deg is not None)
+            yield from ((clock, fix) for fix in frame.fixes if fix.lat_deg is not None and fix.lon_deg is not None)
 
     def _known_events(self) -> Iterator[tuple[Clock, dict[str, Any]]]:
         """Those of the log; of a new run of the filter only those that it cannot make."""
@@ -185,8 +182,9 @@ class Track:
     def _recorded(self) -> Iterator[_Found]:
         clocks = self.survey.clocks
         for record in self.reader.records(f"{ESTIMATES}{self.filter}"):
-            estimate = record.json()
-            yield _Found(clocks.of_boot(estimate["boot_id"], estimate["t_ns"]), estimate, record.data)
+            estimate = self.reader.content(record)
+            if estimate is not None:
+                yield _Found(clocks.of_boot(estimate["boot_id"], estimate["t_ns"]), estimate, record.data)
 
     def _again(self, waiting: "_Waiting") -> Iterator[_Found]:
         from shore.replay.run import Replay

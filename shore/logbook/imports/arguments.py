@@ -25,6 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config", type=Path, metavar="BOAT.toml", help="whose sensors they are (default: those found in FILE)"
     )
+    parser.add_argument(
+        "--vessel", metavar="NAME", help="whose deltas of a Signal K FILE, by context, URN or MMSI (default: its own)"
+    )
     parser.add_argument("--port", metavar="NAME", help="[[port]] of --config that a serial FILE is a recording of")
     parser.add_argument(
         "--lines-per-second",

@@ -131,22 +131,24 @@ class ColumnReader:
             moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
             since = moment - _EPOCH
             return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * NS_PER_US
-        seconds = _decimal(text) * Decimal(repr(time.scale))
+        seconds = _decimal(self._with_point(text)) * Decimal(repr(time.scale))
         if time.nanoseconds is not None:
             seconds += _decimal(row[time.nanoseconds]) / NS_PER_S
         if not -4_000_000_000 <= seconds <= 4_000_000_000:
             raise Rejected("out of range")
         return int(seconds * 1_000_000) * NS_PER_US
 
+    def _with_point(self, text: str) -> str:
+        """A number as Python reads it: where no comma parts the columns, it may part the decimals."""
+        return text if self._table.delimiter == "," or "." in text else text.replace(",", ".")
+
     def _number(self, row: Row, column: str | None) -> float | None:
         """The number in a field; `None` = empty; raises Rejected for text."""
         text = "" if column is None else row[column]
         if text in _NOTHING:
             return None
-        if self._table.delimiter != "," and "." not in text:
-            text = text.replace(",", ".")
         try:
-            value = float(text)
+            value = float(self._with_point(text))
         except ValueError:
             raise Rejected("not a number") from None
         return value if math.isfinite(value) else None

@@ -30,8 +30,8 @@ def run(arguments: argparse.Namespace) -> int:
         with every_end_is_ctrl_c():
             written = imported(job)
     except KeyboardInterrupt:
-        say(f"interrupted; {job.out} was not written")
-        return 1
+        say(f"stopped; {job.out} was not written")
+        return 0
     return _tell(job, written)
 
 
@@ -44,6 +44,8 @@ def _check_options(arguments: argparse.Namespace, kind: Kind) -> None:
     if arguments.port is not None and (not serial or arguments.config is None):
         cure = "give --config BOAT.toml too" if serial else "leave it out"
         raise WayfixError("names a port of a configuration, for serial recordings", "--port", cure)
+    if arguments.vessel is not None and kind not in (Kind.SIGNALK, Kind.SIGNALK_LOG):
+        raise WayfixError("names a vessel of Signal K deltas", "--vessel", "leave it out")
     if arguments.lines_per_second is not None and kind is Kind.TABLE:
         raise WayfixError("is for recordings without times", "--lines-per-second", "the mapping says where the time is")
 

@@ -14,6 +14,7 @@ from common.messages import SCHEMA_VERSION, Frame
 from common.sensors import BoatConfig, BoatTable, FramesTable, PortTable, SensorTable
 from common.settings import as_dict
 from common.units import NS_PER_S
+from shore.logbook.imports.plan import JUMP_NS
 
 EMPTY_NS: Final = 60 * NS_PER_S
 """So long a silence is told in empty frames; after that the grid has a hole, as in `wayfix-onboard convert`."""
@@ -37,11 +38,14 @@ class Clock:
     utc_source: str
     """One of `UTC_SOURCES`; `none` = it counts from anywhere."""
     doubt_ns: int
+    shift_ns: int = 0
+    """Boat time less this is UTC, where its clock was right (`Plan.shift_of_date_ns`)."""
 
     def utc(self, t_ns: int, shift_ns: int) -> Utc:
-        """UTC of a boat time."""
+        """UTC of a boat time; none where the clock, which says `t_ns - shift_ns`, was more than a minute off."""
         utc_ns = t_ns - shift_ns
-        if self.utc_source == "none" or not 0 <= utc_ns <= LARGEST_UTC_NS:
+        is_off = abs(shift_ns - self.shift_ns) > JUMP_NS
+        if self.utc_source == "none" or is_off or not 0 <= utc_ns <= LARGEST_UTC_NS:
             return Utc(None, None, "none")
         return Utc(utc_ns, self.doubt_ns, self.utc_source)
 

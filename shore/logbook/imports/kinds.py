@@ -18,6 +18,7 @@ HEAD_BYTES: Final = 1 << 18
 """Enough of a file to tell what it is."""
 MOST_NAMED: Final = 24
 _EXAMPLES: Final = "examples are in deploy/examples"
+_AS_UTF8: Final = "convert it with `iconv -f UTF-16 -t UTF-8 FILE > OUT`"
 _KNOWN: Final = "NMEA 0183, gpsd JSON, Signal K and CSV with --map can be imported"
 
 
@@ -47,10 +48,19 @@ _MAGICS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"SQLite format 3", "an SQLite data base", "export the table as CSV and give a --map"),
     (b"PAR1", "a Parquet table", "export it as CSV and give a --map"),
     (b"#ROSBAG", "a ROS 1 bag", "export its topics as CSV and give a --map"),
+    (b"\xff\xfe", "text in UTF-16", _AS_UTF8),
+    (b"\xfe\xff", "text in UTF-16", _AS_UTF8),
     (b"\xa3\x95", "an ArduPilot flash log", "export its messages as CSV and give a --map"),
     (b"ULog", "a PX4 log", "export its messages as CSV (ulog2csv) and give a --map"),
     (b"\x7fELF", "a program", _KNOWN),
 )
+_EXPORTS: Final = {
+    b'"generator": "wayfix"': "GeoJSON",
+    b'creator="wayfix"': "GPX",
+    b"of wayfix export": "KML",
+    b"wayfix-export": "MCAP",
+}
+"""Of our own: what stands in the first bytes of an export, and its form."""
 _MCAP: Final = b"\x89MCAP0\r\n"
 _UBX: Final = b"\xb5\x62"
 _SENTENCE: Final = re.compile(rb"[$!][A-Z0-9]{4,6},[^\r\n$!]*")
@@ -68,7 +78,7 @@ def recognise(path: Path, *, has_map: bool, is_serial: bool) -> Kind:
     Raises WayfixError for what cannot be imported, with what it looks like and what to do.
     """
     head = _head(path)
-    kind = _kind(path, head, is_serial=is_serial)
+    kind = _kind(path, head, has_map=has_map, is_serial=is_serial)
     if kind is Kind.TABLE and not has_map:
         table = table_in(head)
         assert table is not None
@@ -78,7 +88,7 @@ def recognise(path: Path, *, has_map: bool, is_serial: bool) -> Kind:
     return kind
 
 
-def _kind(path: Path, head: bytes, *, is_serial: bool) -> Kind:
+def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Kind:
     if is_frames_file(path):
         return Kind.FRAMES
     _refuse_magic(path, head)
@@ -103,6 +113,9 @@ def _kind(path: Path, head: bytes, *, is_serial: bool) -> Kind:
         return Kind.TABLE
     if is_serial:
         return Kind.SERIAL
+    if has_map:
+        cure = "give a CSV file: a line of column names, and rows of as many fields"
+        raise WayfixError("is no table that --map could be for", str(path), cure)
     raise WayfixError("is a text of a kind that is not known here", str(path), f"{_KNOWN}; with --config too")
 
 
@@ -119,6 +132,10 @@ def _head(path: Path) -> bytes:
 
 
 def _refuse_magic(path: Path, head: bytes) -> None:
+    for mark, name in _EXPORTS.items():
+        if mark in head[:512]:
+            cure = "use the log itself, or import its NMEA export (`wayfix export LOG --to nmea OUT`)"
+            raise WayfixError(f"is a track of `wayfix export` ({name}), no recording of sensors", str(path), cure)
     if head.startswith(_MCAP):
         if b"wayfix" in head[:64]:
             raise WayfixError(

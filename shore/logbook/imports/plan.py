@@ -4,8 +4,11 @@ Pure. A record's time is UTC, or counts from anywhere; some have none, some are 
 
 - A time that lies back by more than `LATE_NS`, or is passed by the records behind it (a year ahead, and back again), is
   wrong: the record is left out and counted.
-- A step back that lasts (a clock that was set) moves boat time on by one ordinary step, and UTC against it; the frames
-  tell it by `clk_epoch`. A step ahead that lasts is a gap of the recording.
+- A step that lasts, back (a clock that was set) or ahead by more than `LONGEST_GAP_NS` (a receiver before its first
+  fix: 1980), moves boat time on by one ordinary step, and UTC against it; the frames tell it by `clk_epoch`. A shorter
+  step ahead that lasts is a gap of the recording.
+- So the records fall into stretches between steps. The date of all is that of the longest one, by records, of those
+  after 1999 if there is any; what another stretch says of UTC counts only where it differs by less than a minute.
 - Records without time lie evenly between those before and behind them; in a gap, and at the end, one ordinary step
   holds them. Before the first time there is nothing to go by: they are left out.
 - Where no record has a time, they follow each other at a pace that is given.
@@ -13,6 +16,7 @@ Pure. A record's time is UTC, or counts from anywhere; some have none, some are 
 
 from array import array
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 from statistics import median
@@ -29,6 +33,10 @@ JUMP_NS: Final = 60 * NS_PER_S
 """A longer step ahead, and the first time of all, is looked at twice:"""
 ASKED: Final = 4
 """at least half of so many records behind it must not lie before it."""
+LONGEST_GAP_NS: Final = 366 * 86_400 * NS_PER_S
+"""A year: no recording is interrupted for longer."""
+EARLIEST_UTC_NS: Final = 946_684_800 * NS_PER_S
+"""1 January 2000: clocks that were never set say 1970 or 1980."""
 LATEST_NS: Final = 2**62
 """The year 2116. Boat time beyond it is nobody's."""
 BELIEVED: Final = 3
@@ -55,6 +63,10 @@ class Plan:
         """(number of the record, what its clock is behind boat time from there on, ns)."""
         self.doubted: set[int] = set()
         """Numbers of the records whose time was wrong."""
+        self.shift_of_date_ns = 0
+        """The shift where the longest stretch is: boat time less this is the UTC of the recording."""
+        self.misdated = 0
+        """Records whose own time is more than a minute off that UTC."""
         if self.timed:
             self._put_in_order()
             self._place_between()
@@ -73,7 +85,7 @@ class Plan:
         return self._steps[bisect_right(self._steps, number, key=lambda step: step[0]) - 1][1]
 
     def epoch(self, number: int) -> int:
-        """How often the clock was set back before that record."""
+        """How often the clock was set before that record."""
         return bisect_right(self._steps, number, key=lambda step: step[0]) - 1
 
     def _put_in_order(self) -> None:
@@ -82,26 +94,24 @@ class Plan:
         times_ns = [self._at[number] for number in numbers]
         step_ns = _ordinary_step_ns(times_ns)
         shift_ns, newest_ns = 0, None
+        placed, dated = Counter[int](), Counter[int]()
         for place, (number, t_ns) in enumerate(zip(numbers, times_ns, strict=True)):
-            behind = times_ns[place + 1 : place + BELIEVED]
-            if newest_ns is None or t_ns > newest_ns + JUMP_NS:
-                others = times_ns[place + 1 : place + 1 + ASKED]
-                believed = 2 * sum(later >= t_ns - LATE_NS for later in others) >= len(others)
-            elif t_ns >= newest_ns - LATE_NS:
-                believed = True
-            else:
-                lasting = all(t_ns - LATE_NS <= later < newest_ns - LATE_NS for later in behind)
-                believed = lasting and len(behind) == BELIEVED - 1
-                if believed:
-                    shift_ns += newest_ns - t_ns + step_ns
-                    self._steps.append((number, shift_ns))
-                    newest_ns = t_ns
+            believed, was_set = _judged(t_ns, newest_ns, times_ns[place + 1 : place + 1 + ASKED])
+            if was_set and newest_ns is not None:
+                shift_ns += newest_ns - t_ns + step_ns
+                self._steps.append((number, shift_ns))
+                newest_ns = t_ns
             if believed and t_ns + shift_ns <= LATEST_NS:
                 newest_ns = t_ns if newest_ns is None else max(newest_ns, t_ns)
                 self._at[number] = whole_us(t_ns + shift_ns)
+                placed[shift_ns] += 1
+                dated[shift_ns] += t_ns >= EARLIEST_UTC_NS
             else:
                 self._at[number] = NO_TIME
                 self.doubted.add(number)
+        longest = +dated or placed
+        self.shift_of_date_ns = max(longest, key=longest.__getitem__, default=0)
+        self.misdated = sum(n for shift, n in placed.items() if abs(shift - self.shift_of_date_ns) > JUMP_NS)
 
     def _place_between(self) -> None:
         """Records without time, evenly."""
@@ -119,6 +129,18 @@ class Plan:
     def _count_from_zero(self) -> None:
         first_ns = next((t_ns for t_ns in self._at if t_ns != NO_TIME), 0)
         self._at = array("q", (t_ns if t_ns == NO_TIME else max(0, t_ns - first_ns) for t_ns in self._at))
+
+
+def _judged(t_ns: int, newest_ns: int | None, behind: Sequence[int]) -> tuple[bool, bool]:
+    """Whether a time is right, and whether the clock was set there, by the newest before it and `ASKED` behind."""
+    if newest_ns is None or t_ns > newest_ns + JUMP_NS:
+        right = 2 * sum(later >= t_ns - LATE_NS for later in behind) >= len(behind)
+        return right, right and newest_ns is not None and t_ns > newest_ns + LONGEST_GAP_NS
+    if t_ns >= newest_ns - LATE_NS:
+        return True, False
+    near = behind[: BELIEVED - 1]
+    lasting = len(near) == BELIEVED - 1 and all(t_ns - LATE_NS <= later < newest_ns - LATE_NS for later in near)
+    return lasting, lasting
 
 
 def _drop_repeats(times_ns: "array[int]") -> None:

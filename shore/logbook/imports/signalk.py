@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
+from common.errors import WayfixError
 from common.framer import Measurement
 from common.messages import Attitude, Fix, Heading, TurnRate
 from common.sensors import BoatTable, SensorTable
@@ -25,6 +26,8 @@ from shore.logbook.imports.values import direction_deg, number, signed_deg, utc_
 
 DEG: Final = 180.0 / math.pi
 SELF: Final = "vessels.self"
+NO_VESSELS: Final = ("atons.", "aircraft.", "sar.")
+MOST_NAMED: Final = 8
 DERIVED: Final = "derived-data"
 """A plugin of the server that works values out of others: the same measurement twice."""
 OVER_NS: Final = 200 * NS_PER_MS
@@ -70,8 +73,8 @@ def stamp_ns(text: str) -> int:
 class SignalKReader:
     """Reader of deltas."""
 
-    def __init__(self, lines: Lines, own: str) -> None:
-        """Own: the context of the boat itself (`own_context`)."""
+    def __init__(self, lines: Lines, own: tuple[str, ...]) -> None:
+        """Own: the contexts of the boat itself (`own_contexts`)."""
         self.account = Account("values")
         self.accounts: tuple[Account, ...] = (self.account,)
         self.boat = BoatTable(id="signalk")
@@ -86,7 +89,7 @@ class SignalKReader:
         """One for each source and time: values of one moment may come in several updates."""
         open_moments: dict[str, Moment] = {}
         for update in _updates(self._lines, self.account):
-            if update.context not in (self._own, SELF, ""):
+            if update.context not in self._own:
                 self.account.ignored["of another vessel"] += max(1, len(update.values))
                 continue
             yield from _closed(open_moments, update)
@@ -208,30 +211,55 @@ def _is_over(moment: Moment, update: _Update) -> bool:
     return moment.t_ns != update.t_ns if moment.source == update.source else update.t_ns > moment.t_ns + OVER_NS
 
 
-def own_context(lines: Lines) -> str:
-    """The context of the boat itself: what a greeting calls `self`, else `vessels.self`, else the one that steers.
+def own_contexts(lines: Lines, wanted: str | None, file: str) -> tuple[str, ...]:
+    """The contexts of the boat itself, its name first.
 
-    "" where there are deltas of one vessel only, or none is known to be ours.
+    `wanted` (context, URN or MMSI), else what a greeting calls `self`, else `vessels.self`, else the only one, else the
+    only one that steers. Raises WayfixError where that leaves none or several, with the names of those there are.
     """
-    seen: Counter[str] = Counter()
+    said: Counter[str] = Counter()
     steered: Counter[str] = Counter()
+    named = None
     for line in lines:
-        content = _delta(line)[1]
-        if content is None:
-            continue
-        named = content.get("self")
-        if isinstance(named, str) and "updates" not in content:
-            return named if named.startswith("vessels.") else f"vessels.{named}"
-        context = content.get("context")
-        context = context if isinstance(context, str) else ""
-        seen[context] += 1
-        steered[context] += any(f"navigation.{path}" in line for path in ("heading", "rateOfTurn", "attitude"))
-    if SELF in seen or "" in seen:
-        return SELF
-    if len(seen) == 1:
-        return next(iter(seen))
-    best = [context for context, count in steered.most_common(2) if count]
-    return best[0] if len(best) == 1 else SELF
+        content = _delta(line)[1] or {}
+        if isinstance(content.get("updates"), list):
+            context = _context_of(content)
+            if context.startswith(NO_VESSELS):
+                continue
+            said[context] += 1
+            steered[context] += any(f"{_NAVIGATION}{path}" in line for path in ("heading", "rateOfTurn", "attitude"))
+        elif named is None and isinstance(content.get("self"), str):
+            named = f"vessels.{content['self'].removeprefix('vessels.')}"
+    if not said:
+        return (SELF,)
+    if wanted is not None:
+        fitting = [context for context in {*said, *([named, SELF] if named else [])} if _fits(context, wanted)]
+    elif named or SELF in said:
+        fitting = [named or SELF]
+    else:
+        fitting = list(said) if len(said) == 1 else list(+steered)
+    if len(fitting) != 1:
+        names = ", ".join(name.removeprefix("vessels.") for name, _ in said.most_common(MOST_NAMED))
+        names += ", ..." if len(said) > MOST_NAMED else ""
+        if wanted is None:
+            what = f"has deltas of {len(said)} vessels and does not say which is the boat"
+        else:
+            what = f"has {'several vessels' if fitting else 'no vessel'} of the name {wanted!r}"
+        raise WayfixError(what, file, f"give one with --vessel NAME: {names}")
+    own = fitting[0]
+    return (named, SELF) if named and own in (named, SELF) else (own,)
+
+
+def _fits(context: str, wanted: str) -> bool:
+    """By its whole name, or the number at its end."""
+    name, wanted = context.removeprefix("vessels.").lower(), wanted.strip().removeprefix("vessels.").lower()
+    return name == wanted or name.endswith(f":{wanted}")
+
+
+def _context_of(content: dict[str, Any]) -> str:
+    """Whom a delta speaks of; without a word it is the boat itself."""
+    context = content.get("context")
+    return context if isinstance(context, str) and context else SELF
 
 
 def _updates(lines: Lines, account: Account) -> Iterator[_Update]:
@@ -246,7 +274,6 @@ def _updates(lines: Lines, account: Account) -> Iterator[_Update]:
             continue
         if not updates:
             account.ignored["delta without updates"] += 1
-        context = content.get("context")
         for update in updates:
             if not isinstance(update, dict):
                 account.rejected["no update"] += 1
@@ -259,7 +286,7 @@ def _updates(lines: Lines, account: Account) -> Iterator[_Update]:
             except Rejected as reason:
                 account.rejected[str(reason)] += max(1, len(values))
                 continue
-            yield _Update(context if isinstance(context, str) else "", _source_of(update), t_ns, values)
+            yield _Update(_context_of(content), _source_of(update), t_ns, values)
 
 
 def _delta(line: str) -> tuple[str, dict[str, Any] | None]:

@@ -25,7 +25,7 @@ from shore.logbook.imports.gpsd import GpsdReader
 from shore.logbook.imports.kinds import Kind
 from shore.logbook.imports.plan import NO_TIME, Plan
 from shore.logbook.imports.reader import Lines, Reader, digest_of
-from shore.logbook.imports.signalk import SELF, SignalKReader, own_context
+from shore.logbook.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.logbook.imports.write import LogMaker, Written, utc_offset_ns
 from shore.logbook.session import trip_record
 from shore.terminal import say
@@ -82,10 +82,10 @@ def imported(job: Job) -> tuple[bool, Written]:
 
 
 def _from_deltas(job: Job) -> tuple[bool, Written]:
-    own = own_context(Lines(job.source))
-    if own not in (SELF, ""):
-        job.notes.append(f"taken for our own boat: {own}")
-    job.facts["own"] = own
+    own = own_contexts(Lines(job.source), job.arguments.vessel, str(job.source))
+    if own[0] != SELF:
+        job.notes.append(f"taken for our own boat: {own[0]}")
+    job.facts["own"] = own[0]
     return _from_reader(job, lambda progress: SignalKReader(Lines(job.source, progress), own))
 
 
@@ -94,6 +94,8 @@ def _from_server_log(job: Job, directory: Path) -> tuple[bool, Written]:
     log = serial_port.ServerLog(job.source, directory / job.source.name)
     if not log.sentences:
         return _from_deltas(job)
+    if job.arguments.vessel is not None:
+        raise WayfixError("names a vessel, but the log has the boat's own sentences", "--vessel", "leave it out")
     if len(log.providers) > 1:
         names = ", ".join(sorted(log.providers))
         job.notes.append(f"sentences of {len(log.providers)} providers ({names}) are taken for one port")
@@ -177,8 +179,14 @@ def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader
     made = {"kind": str(job.kind), "clock": "utc" if is_utc else "from-zero"}
     greeting = cut.greeting_of(config, job.digest, made)
     source = "gnss" if job.kind is Kind.GPSD else "rtc"
-    clock = cut.Clock(source if is_utc else "none", 100 * NS_PER_MS if source == "gnss" else NS_PER_S)
-    maker = LogMaker(greeting, job.filters, None)
+    doubt_ns = 100 * NS_PER_MS if source == "gnss" else NS_PER_S
+    clock = cut.Clock(source if is_utc else "none", doubt_ns, plan.shift_of_date_ns)
+    if is_utc and plan.misdated:
+        job.notes.append(
+            f"the clock was set on the way: {plan.misdated} records bear another date; they keep their intervals, "
+            "and their UTC is reckoned from the others"
+        )
+    maker = LogMaker(greeting, job.filters, -plan.shift_of_date_ns if is_utc else None)
     with _bytes_shown("importing", size) as progress:
         second = make(progress)
         second.sources = first.sources

@@ -1,5 +1,6 @@
 """Frames -> a log like that of a live run. Every time in it is of the data, none of the clock on the wall."""
 
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -16,8 +17,8 @@ from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
 from shore.pipeline import Pipeline
 
-ENOUGH: Final = 60
-"""So many fixes with a date tell the UTC of a recording whose frames have none."""
+ENOUGH: Final = 6_000
+"""So many frames or fixes with a date (ten minutes of frames) tell the UTC of a recording."""
 MEASUREMENTS: Final = ("fixes", "headings", "turn_rates", "attitudes", "ais", "radar")
 
 
@@ -42,18 +43,17 @@ class Written:
 
 
 def utc_offset_ns(frames: Iterable[Frame]) -> int | None:
-    """UTC less boat time where the frames begin: theirs, else that of most fixes; `None` where there is no date."""
-    usable: list[int] = []
-    others: list[int] = []
+    """UTC less boat time, by most frames, else by most fixes; `None` where there is no date."""
+    said, usable, others = array("q"), array("q"), array("q")
     for frame in frames:
         if frame.utc_ns is not None:
-            return frame.utc_ns - frame.t0_ns
+            said.append(frame.utc_ns - frame.t0_ns)
         for fix in frame.fixes:
             if fix.utc_ns is not None:
                 (usable if fix.usable else others).append(fix.utc_ns - fix.t_ns)
-        if len(usable) >= ENOUGH:
+        if max(len(said), len(usable)) >= ENOUGH:
             break
-    found = usable or others
+    found = said or usable or others
     return median_low(found) if found else None
 
 
@@ -61,7 +61,7 @@ class LogMaker:
     """Feeds frames to the filters and writes what comes of them."""
 
     def __init__(self, greeting: dict[str, Any], filters: tuple[str, ...], offset_ns: int | None) -> None:
-        """offset_ns: `utc_offset_ns`; without it, what has no UTC stands at its boat time after 1970."""
+        """offset_ns: UTC less boat time; without it, everything stands at its boat time after 1970."""
         self.written = Written()
         self._greeting = greeting
         self._filters = filters
@@ -105,7 +105,7 @@ class LogMaker:
 
     def _begin(self, out: Path, frame: Frame, trip: dict[str, Any] | None) -> LogWriter:
         begin_ns = self._log_time_ns(frame) - (frame.t1_ns - frame.t0_ns)
-        self.written.utc_ns = begin_ns if frame.utc_ns is not None or self._offset_ns is not None else None
+        self.written.utc_ns = None if self._offset_ns is None else begin_ns
         options = {"filters": list(self._filters), "step_s": None, "frames": None, "period_s": None}
         writer = LogWriter.at(out)
         try:
@@ -142,7 +142,5 @@ class LogMaker:
             writer.write_event(happening, t_ns)
 
     def _log_time_ns(self, frame: Frame) -> int:
-        """UTC of the frame's end; boat time where it is not known."""
-        if frame.utc_ns is not None:
-            return frame.utc_ns + frame.t1_ns - frame.t0_ns
+        """UTC of the frame's end, by one offset for all: a clock that was wrong for a while does not date the trip."""
         return max(0, frame.t1_ns + (self._offset_ns or 0))
