@@ -124,8 +124,6 @@ class ClockMap:
             step_s = (self._envelope[0][1] - min(offset for _, offset in receiver.doubted)) / NS_PER_S
             self.epoch += 1
         self._envelope.clear()
-        for other in self._receivers.values():
-            other.agreed_ns = None
         for t_ns, believed in receiver.doubted:
             self._take(t_ns, believed)
         receiver.doubted.clear()

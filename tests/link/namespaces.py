@@ -16,6 +16,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, Literal, Self
@@ -95,9 +96,14 @@ class Namespaces:
         self._ip("board", "link", "set", DEVICE, "down")
 
     def link_up(self) -> None:
-        """The cable is in, the shore's default gateway is the board."""
+        """The cable is in, both kernels have seen it, the shore's default gateway is the board."""
         for side in SIDES:
             self._ip(side, "link", "set", DEVICE, "up")
+        deadline_s = time.monotonic() + 10
+        for side in SIDES:
+            while "LOWER_UP" not in self.run(side, "ip", "link", "show", DEVICE, "up", check=True).stdout:
+                assert time.monotonic() < deadline_s, f"the cable of {self.name[side]} is dead"
+                time.sleep(0.02)
         self._ip("shore", "route", "replace", "default", "via", self.address["board"])
 
     def drop(self, side: Side, match: str = "") -> None:

@@ -51,7 +51,7 @@ def echo(net: Namespaces) -> "subprocess.Popen[str]":
     return server
 
 
-def ask(net: Namespaces, timeout_s: float = 2.0, count: int = 1) -> tuple[str, float]:
+def ask(net: Namespaces, timeout_s: float = 10.0, count: int = 1) -> tuple[str, float]:
     """What became of a question, and the seconds it took."""
     done = net.run("shore", sys.executable, "-c", ASK, net.address["board"], str(timeout_s), str(count))
     words = done.stdout.split()
@@ -72,7 +72,7 @@ def test_they_hear_each_other_and_nobody_else(net: Namespaces, echo: "subprocess
 
 def test_link_down_and_up(net: Namespaces, echo: "subprocess.Popen[str]") -> None:
     net.link_down()
-    assert ask(net)[0] in ("OSError", "TimeoutError")
+    assert ask(net, timeout_s=1)[0] in ("OSError", "TimeoutError")
     assert net.run("shore", "ip", "route", "show", "default").stdout in (
         "",
         "default via 10.77.0.1 dev wf0 linkdown \n",
@@ -84,7 +84,8 @@ def test_link_down_and_up(net: Namespaces, echo: "subprocess.Popen[str]") -> Non
 def test_silence_tells_nobody(net: Namespaces, echo: "subprocess.Popen[str]") -> None:
     net.silence()
     what, seconds = ask(net, timeout_s=0.7)
-    assert (what, round(seconds, 1)) == ("TimeoutError", 0.7)
+    assert what == "TimeoutError"
+    assert seconds >= 0.7
     net.speak()
     assert ask(net)[0] == "answered"
     net.speak()  # twice is as good as once

@@ -112,6 +112,18 @@ def test_a_blackhole_is_silent_and_holds_what_it_got(relay: Relay) -> None:
             round_trip_s(second)
 
 
+def test_a_blackhole_swallows_what_is_on_its_way(relay: Relay) -> None:
+    with connected(relay) as end:
+        relay.delay(200)
+        end.sendall(b"late")
+        time.sleep(0.05)
+        relay.blackhole()
+        time.sleep(0.3)
+        assert relay.up.bytes == 0
+        relay.restore()
+        assert exactly(end, 4) == b"late"
+
+
 def test_in_a_blackhole_the_death_of_one_end_is_not_heard_at_the_other(relay: Relay) -> None:
     with connected(relay) as end:
         round_trip_s(end)

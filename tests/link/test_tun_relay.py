@@ -3,7 +3,9 @@
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
 
@@ -14,7 +16,10 @@ from common.units import NS_PER_S
 from tests.link.namespaces import Namespaces, what_is_missing
 from tests.link.tun_relay import TunRelay
 
-pytestmark = pytest.mark.skipif(what_is_missing() is not None, reason=what_is_missing() or "")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(what_is_missing() is not None, reason=what_is_missing() or ""),
+]
 
 ECHO = """
 import socket
@@ -121,11 +126,15 @@ def test_rate_and_what_a_full_queue_throws_away(air: Air) -> None:
 
 
 def test_silence_swallows_what_is_on_its_way(air: Air) -> None:
-    air.radio.delay_ms = 100
-    air.radio.is_silent = True
-    begin_ns = boottime_ns()
-    assert air.ask(20)["order"] == []
-    assert boottime_ns() - begin_ns > NS_PER_S
+    air.radio.delay_ms = 400
+    with ThreadPoolExecutor() as threads:
+        heard = threads.submit(air.ask, 20)
+        deadline_ns = boottime_ns() + 10 * NS_PER_S
+        while not air.radio._due and boottime_ns() < deadline_ns:
+            time.sleep(0.01)
+        air.radio.is_silent = True
+        assert heard.result()["order"] == []
+    assert air.radio.carried["shore"] == 0
     assert air.radio.lost["shore"] >= 20
     air.radio.is_silent = False
     assert len(air.ask(20)["order"]) == 20

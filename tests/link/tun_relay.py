@@ -65,7 +65,8 @@ class TunRelay:
             for side in SIDES:
                 self._tun[side] = _tun_in(self._net.name[side])
                 shape = ("address", "add", f"{self.address[side]}/24", "dev", DEVICE)
-                for words in (shape, ("link", "set", DEVICE, "up")):
+                quiet = ("link", "set", DEVICE, "addrgenmode", "none")  # no IPv6, whose kernel talks by itself
+                for words in (quiet, shape, ("link", "set", DEVICE, "up")):
                     self._net.run(side, "ip", *words, check=True)
         except BaseException:
             self._close()

@@ -273,6 +273,7 @@ def test_the_gateway_is_found_at_once_with_multicast_blocked() -> None:
 
 @needs_namespaces
 def test_within_five_seconds_it_is_told_that_nobody_is_there() -> None:
+    pytest.importorskip("zeroconf", reason="zeroconf is not installed; pip install zeroconf")
     with Namespaces() as net:
         net.silence()
         found, words = found_in(net)
