@@ -17,13 +17,14 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from common.codec import decode_frame, encode_frame
 from common.messages import Frame
+from common.sensors import BoatConfig
 from common.settings import as_dict
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
@@ -33,7 +34,7 @@ from shore.logbook.session import start_record
 from shore.pipeline import Pipeline
 from tests import offline
 
-FRAME_NS: Final = NS_PER_S // 20
+FRAME_HZ: Final = 20
 ROUND_S: Final = 600
 SETTLE_S: Final = 30
 """The opening of a filter belongs to the first round only."""
@@ -47,10 +48,10 @@ TIME_GOAL_S: Final = 60.0
 Step = tuple[Frame, list[dict[str, Any]]]
 
 
-def one_round(seconds: float) -> tuple[dict[str, Any], list[Step]]:
+def one_round(seconds: float, frame_hz: int = FRAME_HZ) -> tuple[BoatConfig, list[Step]]:
     """Configuration, and each frame with what the filter said of it."""
-    offline.FRAME_NS = FRAME_NS
-    rates = Rates(gps_hz=1, compass_hz=20, imu_hz=20)
+    offline.FRAME_NS = NS_PER_S // frame_hz
+    rates = Rates(gps_hz=1, compass_hz=frame_hz, imu_hz=20)
     voyage = scenario_voyage("5.3", seed=1, rates=rates, seconds=seconds)
     config = offline.config_of(voyage)
     sensors = tuple(replace(item, tilt_leak_sigma_per_m=0.2) if item.role == "imu" else item for item in config.sensor)
@@ -59,12 +60,12 @@ def one_round(seconds: float) -> tuple[dict[str, Any], list[Step]]:
         (frame, [estimate.as_record() for estimate in output.estimates])
         for _, frame, output in offline.pushed(Pipeline(config, [FILTER]), offline.frames_of(voyage))
     ]
-    return as_dict(config), steps
+    return config, steps
 
 
-def rounds(steps: list[Step], total: int) -> Iterator[Step]:
+def rounds(steps: list[Step], total: int, frame_hz: int = FRAME_HZ) -> Iterator[Step]:
     """`total` steps: the first round, then its settled part again and again, moved in time and place."""
-    settled = steps[SETTLE_S * 20 :]
+    settled = steps[SETTLE_S * frame_hz :]
     first, last = settled[0][1][0], settled[-1][1][0]
     moved_ns = settled[-1][0].t1_ns - settled[0][0].t0_ns
     north_deg, east_deg = (last[name] - first[name] for name in ("lat_deg", "lon_deg"))
@@ -115,16 +116,15 @@ def moved_frame(frame: Frame, shift_ns: int, sequence: int, there: tuple[float, 
     )
 
 
-def write_log(path: Path, minutes: float) -> int:
+def write_log(path: Path, config: BoatConfig, steps: Iterable[Step]) -> int:
     """How many estimates are in it."""
-    config, steps = one_round(min(ROUND_S, minutes * 60.0))
     writer, rows, synced_ns = LogWriter.at(path), 0, 0
     options = {"filters": [FILTER], "step_s": None}
-    writer.write_session(start_record({"config": config}, options, UTC_NS), UTC_NS)
-    for frame, records in rounds(steps, round(minutes * 60.0 * 20)):
+    writer.write_session(start_record({"config": as_dict(config)}, options, UTC_NS), UTC_NS)
+    for frame, records in steps:
         utc_ns = UTC_NS + frame.t0_ns
         told = replace(frame, utc_ns=utc_ns, utc_unc_ns=100 * NS_PER_MS, utc_src="gnss")
-        data, now_ns = encode_frame(told), utc_ns + FRAME_NS + DELAY_NS
+        data, now_ns = encode_frame(told), UTC_NS + frame.t1_ns + DELAY_NS
         writer.write_frame(data, decode_frame(data), now_ns)
         for record in records:
             writer.write_estimate(record, now_ns)
@@ -136,17 +136,16 @@ def write_log(path: Path, minutes: float) -> int:
     return rows
 
 
-def export(log: Path, kind: str, out: Path) -> tuple[float, float]:
-    """Seconds and greatest RSS in MB of one export."""
-    command = [sys.executable, "-m", "shore.main", "export", str(log), "--to", kind, str(out)]
+def measured(*arguments: str | Path) -> tuple[float, float]:
+    """Seconds and greatest RSS in MB of one `wayfix` command."""
     begun, peak_kb = time.monotonic(), 0
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+    with subprocess.Popen([sys.executable, "-m", "shore.main", *arguments], stdout=subprocess.DEVNULL) as process:
         while process.poll() is None:
             # Not of `wait4`: what it says of a child begins with the memory of the parent.
             peak_kb = max(peak_kb, peak_rss_kb(process.pid))
             time.sleep(0.02)
     if process.returncode:
-        raise SystemExit(f"wayfix export --to {kind} ended with {process.returncode}")
+        raise SystemExit(f"wayfix {' '.join(map(str, arguments))} ended with {process.returncode}")
     return time.monotonic() - begun, peak_kb / 1024.0
 
 
@@ -165,7 +164,8 @@ def main() -> None:
     arguments.directory.mkdir(parents=True)
     log = arguments.directory / "trip.mcap"
     begun = time.monotonic()
-    rows = write_log(log, arguments.minutes)
+    config, steps = one_round(min(ROUND_S, arguments.minutes * 60.0))
+    rows = write_log(log, config, rounds(steps, round(arguments.minutes * 60.0 * FRAME_HZ)))
     size_mb = log.stat().st_size / 1e6
     took_s = time.monotonic() - begun
     figures: dict[str, Any] = {"minutes": arguments.minutes, "rows": rows, "log_mb": round(size_mb, 1), "exports": {}}
@@ -174,7 +174,7 @@ def main() -> None:
         print(f"| format | s (goal {TIME_GOAL_S:.0f}) | us a row | peak RSS MB | file MB |\n|---|---|---|---|---|")
     for kind in arguments.to.split(","):
         out = arguments.directory / f"trip-export.{kind}"
-        seconds, rss_mb = export(log, kind, out)
+        seconds, rss_mb = measured("export", log, "--to", kind, out)
         file_mb = out.stat().st_size / 1e6
         figures["exports"][kind] = {"s": round(seconds, 1), "rss_mb": round(rss_mb), "file_mb": round(file_mb, 1)}
         if not arguments.json:

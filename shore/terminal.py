@@ -8,20 +8,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from common.command import number
+from common.command import number, printable
 from common.errors import WayfixError
 
 
 def say(line: str) -> None:
     """One line of words; a terminal that is gone or full never ends a run."""
     with suppress(OSError, ValueError):
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(f"{_shown(line)}\n")
         sys.stderr.flush()
 
 
 def tell(line: str) -> None:
     """One line of data on stdout."""
-    sys.stdout.write(f"{line}\n")
+    sys.stdout.write(f"{_shown(line)}\n")
+
+
+def _shown(text: str) -> str:
+    """Names of files and words of foreign logs cannot steer the terminal."""
+    return "\n".join(map(printable, text.split("\n")))
 
 
 def finish(arguments: argparse.Namespace, summary: dict[str, Any]) -> None:

@@ -75,8 +75,7 @@ def recover(source: Path, target: Path | None, trip: dict[str, Any] | None, watc
         losses = [loss.as_record() for loss in result.reader.losses]
         summary = result.summary()
         end = {"kind": "recovered", "from": source.name, "losses": losses, "summary": summary}
-        is_named_anew = trip is not None and TRIP in result.metadata
-        return [*words, end], summary if is_named_anew else None
+        return [*words, end], summary if TRIP in result.metadata else None
 
     return _rewrite(source, target, added, watch, f"free some space, or give an OUT elsewhere; {_AS_IT_WAS}")
 

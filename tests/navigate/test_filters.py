@@ -241,6 +241,13 @@ def test_repairs_of_an_indefinite_covariance_are_counted() -> None:
     assert each.estimate.healthy
 
 
+@pytest.mark.parametrize("least", [1e-9, 0.0, -1e-9])
+def test_every_variance_of_every_member_is_positive_or_the_filter_is_not_healthy(least: float) -> None:
+    P = np.diag([1.0, 1.0, least, 1.0, 1.0])
+    for each in (P, np.stack([np.eye(5), P])):
+        assert FilterState(FIVE, np.zeros(each.shape[:-1]), each, {}).healthy == (least > 0.0)
+
+
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 @pytest.mark.parametrize("space", [FIVE, NINE, ALL])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

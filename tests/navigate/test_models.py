@@ -10,9 +10,11 @@ from shore.navigation.kalman import predict_extended, predict_linear
 from shore.navigation.models import (
     FIVE,
     FREE_NOISE,
+    Extra,
     Gaussian,
     ImuInput,
     ProcessNoise,
+    StateSpace,
     body_to_plane,
     move,
     process_noise,
@@ -101,6 +103,17 @@ def test_unequal_axes_turn_with_the_bow() -> None:
     slanted = process_noise(FIVE, math.pi / 4, 1.0, noise)
     assert slanted[2, 3] == pytest.approx(0.04)
     assert np.linalg.eigvalsh(slanted).min() > -1e-15
+
+
+def test_every_walk_adds_its_own_variance_and_states_without_one_none() -> None:
+    walks = {"gyro_bias_rad_s": 0.2, "accel_bias_stb_m_s2": 0.0, "tilt_leak_per_m": 0.3}
+    space = StateSpace(tuple(Extra(name, 1.0, walk) for name, walk in walks.items()))
+    noise = ProcessNoise(0.3, 0.1, 0.5)
+    Q = process_noise(space, 0.7, 2.0, noise)
+    assert np.array_equal(Q[:5, :5], process_noise(FIVE, 0.7, 2.0, noise))
+    assert Q[4, 4] == pytest.approx(0.5)
+    assert Q.diagonal()[5:] == pytest.approx([0.08, 0.0, 0.18])
+    assert np.count_nonzero(Q[5:]) == np.count_nonzero(Q[:, 5:]) == 2
 
 
 @pytest.mark.parametrize("predict", [predict_linear, predict_extended, predict_unscented])

@@ -93,6 +93,14 @@ def test_missing_frames_are_bridged_by_the_running_sums_until_they_arrive() -> N
     assert [value for _, value in covered(track, 1.15, 1.35)] == samples[4:8]
 
 
+def test_the_newest_of_the_old_blocks_is_kept_to_be_held() -> None:
+    track = ImuTrack(IMU)
+    for start_s, value in ((1.0, 1.0), (1.1, 2.0), (1.2, 3.0)):
+        track.insert(block(start_s, [value, value]), "b")
+    track.forget_before(round(1.3 * S))
+    assert covered(track, 1.3, 1.6) == [(0.2, 3.0), (0.1, None)]
+
+
 def test_sums_of_another_start_are_not_used() -> None:
     track = ImuTrack(IMU)
     track.insert(block(1.0, [1.0], (1, 0.0, 0.0)), "b1")

@@ -117,6 +117,7 @@ def test_whose_deltas_are_ours(tmp_path: Path) -> None:
     greeting = '{"self":"urn:mrn:signalk:uuid:1"}'
     assert own(ours) == own(other, other, ours) == ("vessels.urn:mrn:signalk:uuid:1",)
     assert own(other, delta(0, "a", position={})) == own("{}") == (SELF,)
+    assert own('{"updates":[{"meta":[]}]}', '{"context":5,"updates":[{"values":[1]}]}', other) == own(other)
     assert own(other, other.replace("vessels.", "atons.")) == ("vessels.urn:mrn:imo:mmsi:2",)
     assert own(other, third, greeting) == own(ours, greeting, wanted="self") == ("vessels.urn:mrn:signalk:uuid:1", SELF)
     for wanted in ("2", "urn:MRN:imo:mmsi:2", "vessels.urn:mrn:imo:mmsi:2"):

@@ -20,6 +20,7 @@ from shore.logbook.census import Census, light_frame
 from shore.logbook.command import run
 from shore.logbook.record import LogWriter
 from shore.logbook.screens import toml_lines
+from shore.terminal import say, tell
 from tests.station.log_files import EACH_NS, START, UTC_NS, chunks_of, frame, log_bytes, other_writer, records_of, write
 from tests.strategies import frame_of
 
@@ -393,9 +394,18 @@ def test_a_light_frame_has_what_a_summary_needs() -> None:
 
 def test_configuration_is_shown_as_toml_that_reads_back() -> None:
     config = {
-        "boat": {"id": 'a "b" \\ c', "variation_deg": None},
+        "boat": {"id": 'a "b" \\ c\n\x1b\u202e', "variation_deg": None},
         "port": [{"name": "p", "baud": 4800, "use": ["x", "y"], "is": True}, {"name": "q", "share": 0.1}],
         "empty": [],
     }
     read = tomllib.loads("\n".join(toml_lines(config)))
-    assert read == {"boat": {"id": 'a "b" \\ c'}, "port": config["port"], "empty": []}
+    assert read == {"boat": {"id": 'a "b" \\ c\n\x1b\u202e'}, "port": config["port"], "empty": []}
+
+
+def test_words_of_files_and_logs_cannot_steer_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    tell("a\x1b[31m.mcap: 3 frames\n\u202eb 5\u00b0")
+    say("\x07c.mcap is cut")
+    told = capsys.readouterr()
+    assert told.out == "a\\x1b[31m.mcap: 3 frames\n\\u202eb 5\u00b0\n"
+    assert told.err == "\\x07c.mcap is cut\n"
+    assert list(toml_lines({"id": 'a"\n\x1b', "mixed": [{}, 1]})) == ['id = "a\\"\\U0000000a\\U0000001b"', "mixed = [{}, 1]"]

@@ -129,6 +129,16 @@ def test_a_recovered_log_gets_the_name_that_is_given(tmp_path: Path) -> None:
             assert item.metadata["name"] == "sea trial"
 
 
+def test_a_recovered_log_says_of_its_trip_what_it_holds(tmp_path: Path) -> None:
+    source = tmp_path / "trip.mcap"
+    sound = log_bytes(100)
+    wrong = sound.replace(b"\x06\0\0\0frames\x03\0\0\x00100", b"\x06\0\0\0frames\x03\0\0\x00999")
+    assert wrong != sound
+    source.write_bytes(wrong)
+    done = recover(source, None, None, quiet)
+    assert [item.metadata["frames"] for item in seen(done.path.read_bytes()).others] == ["100"]
+
+
 def test_a_name_is_put_to_a_log_and_nothing_else_changes(tmp_path: Path) -> None:
     path, _ = write(tmp_path, range(50))
     before = seen(path.read_bytes())

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import statistics
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -51,22 +52,29 @@ def test_fuzzy_heading_is_at_most_half_of_the_fixed_ukf_in_the_last_quarter(runs
     assert pooled("fuzzy") <= 0.5 * pooled("ukf"), (pooled("fuzzy"), pooled("ukf"))
 
 
+def counts(run: dict[str, Any]) -> tuple[int, int, int]:
+    """Fixes, headings and IMU samples in the log of a run."""
+    frames = [decode_frame(data) for data in read_log(run["log"]).frames()]
+    samples = sum(len(block.offset_us) for frame in frames for block in frame.imu)
+    return sum(len(frame.fixes) for frame in frames), sum(len(frame.headings) for frame in frames), samples
+
+
 def test_speed_one_and_eight_give_the_same_measurements_and_figures(tmp_path: Path) -> None:
-    slow = demo(tmp_path / "slow", "--seconds", "90", "--speed", "1")
-    # Three: at eight times the speed a stall of the machine is eight times as long, and one burst is not the product.
-    fast = [demo(tmp_path / f"fast{number}", "--seconds", "90", "--speed", "8") for number in range(3)]
+    # Runs of one speed differ by how late the machine lets a stamp be, at eight times the speed eight times as much
+    # (docs/decisions.md): the means must agree within 5 %, as far as the scatter of these runs can tell.
+    with ThreadPoolExecutor() as together:
+        slow = list(together.map(lambda n: demo(tmp_path / f"1-{n}", "--seconds", "90", "--speed", "1"), range(3)))
+    fast = [demo(tmp_path / f"8-{n}", "--seconds", "90", "--speed", "8") for n in range(5)]
 
-    def counts(run: dict[str, Any]) -> tuple[int, int, int]:
-        frames = [decode_frame(data) for data in read_log(run["log"]).frames()]
-        samples = sum(len(block.offset_us) for frame in frames for block in frame.imu)
-        return sum(len(frame.fixes) for frame in frames), sum(len(frame.headings) for frame in frames), samples
-
-    assert [counts(run) for run in fast] == [counts(slow)] * 3
+    assert {counts(run) for run in fast} == {counts(run) for run in slow}
+    assert len({counts(run) for run in fast}) == 1
     for key in ("position_rms_m", "heading_rms_deg"):
-        for name, value in slow[key].items():
-            found = statistics.median(run[key][name] for run in fast)
-            print(f"{key} {name}: speed 1 {value}, speed 8 {found}")
-            assert found == pytest.approx(value, rel=0.05), (key, name)
+        for name in slow[0][key]:
+            at_one, at_eight = ([run[key][name] for run in runs] for runs in (slow, fast))
+            ratio = statistics.mean(at_eight) / statistics.mean(at_one)
+            error = math.hypot(*(statistics.stdev(values) / math.sqrt(len(values)) for values in (at_one, at_eight)))
+            print(f"{key} {name}: speed 1 {at_one}, speed 8 {at_eight}, ratio {ratio:.4f}")
+            assert abs(ratio - 1.0) <= 0.05 + 2.0 * error / statistics.mean(at_one), (key, name)
 
 
 def test_a_real_recording_through_the_whole_path(tmp_path: Path) -> None:

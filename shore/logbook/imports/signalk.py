@@ -26,6 +26,7 @@ from shore.logbook.imports.values import direction_deg, number, signed_deg, utc_
 
 DEG: Final = 180.0 / math.pi
 SELF: Final = "vessels.self"
+NOBODY: Final = "nobody"
 NO_VESSELS: Final = ("atons.", "aircraft.", "sar.")
 MOST_NAMED: Final = 8
 DERIVED: Final = "derived-data"
@@ -222,9 +223,9 @@ def own_contexts(lines: Lines, wanted: str | None, file: str) -> tuple[str, ...]
     named = None
     for line in lines:
         content = _delta(line)[1] or {}
-        if isinstance(content.get("updates"), list):
+        if _has_values(content):
             context = _context_of(content)
-            if context.startswith(NO_VESSELS):
+            if context.startswith(NO_VESSELS) or context == NOBODY:
                 continue
             said[context] += 1
             steered[context] += any(f"{_NAVIGATION}{path}" in line for path in ("heading", "rateOfTurn", "attitude"))
@@ -256,10 +257,16 @@ def _fits(context: str, wanted: str) -> bool:
     return name == wanted or name.endswith(f":{wanted}")
 
 
+def _has_values(content: dict[str, Any]) -> bool:
+    """Whether a delta says anything: one of mere descriptions does not tell whose boat this is."""
+    updates = content.get("updates")
+    return isinstance(updates, list) and any(isinstance(item, dict) and item.get("values") for item in updates)
+
+
 def _context_of(content: dict[str, Any]) -> str:
-    """Whom a delta speaks of; without a word it is the boat itself."""
-    context = content.get("context")
-    return context if isinstance(context, str) and context else SELF
+    """Whom a delta speaks of; without a word it is the boat itself, and what is no word is nobody."""
+    context = content.get("context") or SELF
+    return context if isinstance(context, str) else NOBODY
 
 
 def _updates(lines: Lines, account: Account) -> Iterator[_Update]:
