@@ -145,6 +145,8 @@ class SensorTable:
     tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = 0.2
     """A hull that lifts its bow with speed u lets the forward accelerometer see c u |u| of gravity: 1-sigma of c, which
     the filters estimate; 0 = no such state."""
+    week_rollover: bool = False
+    """GPS: its dates are 1024 weeks in the past (event `week-rollover`) and are repaired."""
     lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
     """GPS antenna, forward of the boat's reference point (the IMU)."""
     lever_stb_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
