@@ -408,4 +408,5 @@ def test_words_of_files_and_logs_cannot_steer_the_terminal(capsys: pytest.Captur
     told = capsys.readouterr()
     assert told.out == "a\\x1b[31m.mcap: 3 frames\n\\u202eb 5\u00b0\n"
     assert told.err == "\\x07c.mcap is cut\n"
-    assert list(toml_lines({"id": 'a"\n\x1b', "mixed": [{}, 1]})) == ['id = "a\\"\\U0000000a\\U0000001b"', "mixed = [{}, 1]"]
+    lines = list(toml_lines({"id": 'a"\n\x1b', "mixed": [{}, 1]}))
+    assert lines == ['id = "a\\"\\U0000000a\\U0000001b"', "mixed = [{}, 1]"]
