@@ -30,6 +30,8 @@ log = logging.getLogger(__name__)
 
 MIB: Final = 1 << 20
 LONGEST_DELAY_S: Final = 60.0
+STEADY_S: Final = 5.0
+"""Without a new fault, before a fault is over: a full disk takes a few frames now and then."""
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -62,6 +64,7 @@ class Writer:
         """The last frame in a file, the last durable one."""
         self._synced_s = self._retry_s = 0.0
         self._delay_s = 0.0
+        self._failed_s = 0.0
         self._told: set[str] = set()
 
     def open(self) -> None:
@@ -120,7 +123,8 @@ class Writer:
                 state.fault = reason
         self._unsynced = []
         self._put_seq = self._synced_seq
-        self._retry_s = time.monotonic() + self._delay_s
+        self._failed_s = time.monotonic()
+        self._retry_s = self._failed_s + self._delay_s
         self._delay_s = min(LONGEST_DELAY_S, max(1.0, 2 * self._delay_s))
 
     def _next(self) -> list[Item] | None:
@@ -216,11 +220,13 @@ class Writer:
         self._disk.sync(self._file)
         self._synced_s = time.monotonic()
         self._unsynced = []
-        self._delay_s = 0.0
         self._synced_seq = self._put_seq
+        is_steady = self._synced_s - self._failed_s >= STEADY_S
+        if is_steady:
+            self._delay_s = 0.0
         with self._state.condition:
             self._state.synced_seq = self._put_seq
-            if self._state.fault is not None:
+            if is_steady and self._state.fault is not None:
                 self._state.fault = None
                 self._state.happened.append(("spool-restored", {}))
         self._trim(0)

@@ -16,6 +16,12 @@ from tests.link.spooling import MIB, QUICK, FaultyDisk, Told, filled, frame, ide
 BOOTS = [identity(number).boot_id for number in range(5)]
 
 
+@pytest.fixture(autouse=True)
+def _over_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fault is over with the next sync that works."""
+    monkeypatch.setattr("onboard.spool.writer.STEADY_S", 0.0)
+
+
 def segments(directory: Path) -> list[Path]:
     return sorted(directory.glob("*.seg"))
 
