@@ -81,18 +81,21 @@ class Boats:
         former = [item.public_key.decode("ascii") for item in boats if item.boat_id == boat_id]
         self._write(with_entry(self._text() or _HEADER, Entry(key, address or "-", boat_id), former))
 
-    def choose(self, address: str, boat_id: str | None) -> Boat:
-        """The boat meant: of this id, else the one last met at this address, else the only one. Raises WayfixError."""
+    def meant(self, boat_id: str | None, address: str = "ADDRESS") -> list[Boat]:
+        """The boat of this id, or all of them; raises WayfixError when there is none."""
         boats = self.all()
         if not boats:
             cure = f"wayfix-onboard pair on the board, then wayfix pair {address} here (or --open on both sides)"
             raise WayfixError("this station is paired with no boat", str(self.directory), cure)
-        named = [boat for boat in boats if boat.boat_id == boat_id]
-        if boat_id is not None:
-            if not named:
-                known = ", ".join(boat.boat_id for boat in boats)
-                raise WayfixError(f"this station is not paired with {boat_id}", "--boat", f"it knows {known}")
-            return named[0]
+        named = [boat for boat in boats if boat_id in (None, boat.boat_id)]
+        if not named:
+            known = ", ".join(boat.boat_id for boat in boats)
+            raise WayfixError(f"this station is not paired with {boat_id}", "--boat", f"it knows {known}")
+        return named
+
+    def choose(self, address: str, boat_id: str | None) -> Boat:
+        """The boat meant: of this id, else the one last met at this address, else the only one. Raises WayfixError."""
+        boats = self.meant(boat_id, address)
         met = [boat for boat in boats if boat.address == address]
         if len(met) != 1 and len(boats) > 1:
             known = ", ".join(boat.boat_id for boat in boats)

@@ -9,22 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from common.command import number, run_command
-from common.errors import LinkError, WayfixError
-from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
+from common.errors import WayfixError
+from shore.connect_command import add_arguments as add_connect_arguments
 from shore.lab.arguments import add_arguments as add_lab_arguments
 from shore.logbook.arguments import add_arguments as add_log_arguments
 from shore.logbook.exports.arguments import add_arguments as add_export_arguments
 from shore.logbook.imports.arguments import add_arguments as add_import_arguments
-from shore.logbook.trip_arguments import add_trip_arguments
 from shore.pair_command import add_arguments as add_pair_arguments
 from shore.replay.command import add_arguments as add_replay_arguments
-from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
+from shore.terminal import add_json, filters_named, finish, say
 
 # Five-by-five matrices get slower, and timings jump, when a linear algebra library starts threads for them.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
-DEFAULT_FILTERS = "fuzzy"
 DEMO_FILTERS = "fuzzy,fuzzy-thesis,ukf,kf"
 
 
@@ -39,7 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="wayfix", description="Wayfix ashore.")
     parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_connect(commands)
+    _add(commands, "connect", "receive, filter and log a boat's frames", add_connect_arguments, _connect)
     _add(commands, "replay", "run a log through the filters again", add_replay_arguments, _replay)
     _add(commands, "log", "trips: list, look, check, mend, name", add_log_arguments, _log)
     _add(commands, "import", "make a log of a recording", add_import_arguments, _import)
@@ -55,33 +53,6 @@ def _add(commands: Any, name: str, words: str, add_arguments: Callable[[Any], No
     parser = commands.add_parser(name, help=words, description=run.__doc__)
     add_arguments(parser)
     parser.set_defaults(command=run)
-
-
-def _add_connect(commands: Any) -> None:
-    connect = commands.add_parser(
-        "connect", help="receive, filter and log a boat's frames", description=_connect.__doc__
-    )
-    connect.add_argument("address", help="HOST or HOST:PORT of the boat, like 10.0.0.1:5760")
-    connect.add_argument(
-        "--frames",
-        type=number(int, 1, MAX_RUN_FRAMES),
-        metavar="M",
-        help="receive exactly M frames, then end (the thesis' mode)",
-    )
-    connect.add_argument(
-        "--period",
-        type=number(float, MIN_PERIOD_S, MAX_PERIOD_S),
-        metavar="SECONDS",
-        help="length of a frame with --frames (default 1)",
-    )
-    connect.add_argument("--boat", metavar="ID", help="which of the paired boats (default: the one last met there)")
-    connect.add_argument("--keys", type=Path, metavar="DIR", help="where keys are kept (default ~/.config/wayfix)")
-    connect.add_argument("--open", action="store_true", help="no keys, for a boat whose daemon was started with --open")
-    connect.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
-    add_trip_arguments(connect)
-    add_filter_arguments(connect, DEFAULT_FILTERS)
-    add_json(connect)
-    connect.set_defaults(command=_connect)
 
 
 def _add_demo(commands: Any) -> None:
@@ -106,45 +77,10 @@ def _add_demo(commands: Any) -> None:
 
 
 def _connect(arguments: argparse.Namespace) -> int:
-    """Join a boat, filter and log its frames until Ctrl-C, the board's end, or M frames. Exit code 1 = fewer than M."""
-    from shore.boats import Boats
-    from shore.link import Link
-    from shore.live import LiveRun, Options, StopFlag
-    from shore.logbook.session import trip_record
+    """Join a boat, filter and log its frames until Ctrl-C, or M frames. Exit code 1 = fewer than M."""
+    from shore.connect_command import run
 
-    if arguments.period is not None and arguments.frames is None:
-        raise WayfixError("--period needs --frames", cure="give --frames M too, or leave --period out")
-    period_s = 1.0 if arguments.frames is not None and arguments.period is None else arguments.period
-    filters = filters_named(arguments.filters)
-    trip = trip_record(arguments.name, arguments.place, arguments.note)
-    if trip is not None and arguments.log is None:
-        raise WayfixError("a name, place or note is kept in a log", "--name", "give --log DIR too")
-    options = Options(filters, arguments.frames, period_s, arguments.step, arguments.log, trip)
-    boats = Boats(arguments.keys)
-    boat = None if arguments.open else boats.choose(arguments.address, arguments.boat)
-    link = Link(arguments.address, keys=boats.link_keys(boat))
-    if boat is None:
-        say("OPEN LINK (--open): nothing is encrypted, and nobody knows whose boat this is")
-    with StopFlag().on_signals() as stop:
-        try:
-            live = LiveRun(link, options, stop, say)
-            if boat is not None:
-                boats.remember(boat.boat_id, boat.public_key, arguments.address)
-            tally = live.run()
-        except LinkError:
-            if stop():  # Ctrl-C while nobody had answered yet
-                return 0
-            raise
-        finally:
-            link.close()
-    counts = {"received": tally.received, "missing": tally.missing}
-    finish(arguments, {"frames": counts, "log": str(live.log_path) if live.log_path else None})
-    if tally.end_reason is not None:
-        say(f"the boat ended the session after {tally.sent} frames: {tally.end_reason}")
-    if options.frames is not None and tally.received < options.frames and not stop():
-        say(f"only {tally.received} of {options.frames} frames were received")
-        return 1
-    return 0
+    return run(arguments)
 
 
 def _demo(arguments: argparse.Namespace) -> int:
