@@ -4,11 +4,11 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from common.command import number
+from common.command import flat, number
 from onboard.control import ask, runtime_of
 
 ANSWER_S = 15.0
@@ -83,7 +83,7 @@ def _revoke(arguments: argparse.Namespace) -> int:
 def _status(arguments: argparse.Namespace) -> int:
     """How the running daemon is: sensors, clients, spool."""
     told = _ask(arguments, "status")
-    for name, value in _flat(told):
+    for name, value in flat(told):
         _tell(f"{name}: {value}")
     _finish(arguments, told)
     return 0
@@ -119,15 +119,6 @@ def _simple(arguments: argparse.Namespace, do: str, **fields: Any) -> int:
 
 def _ask(arguments: argparse.Namespace, do: str, **fields: Any) -> dict[str, Any]:
     return ask(runtime_of(arguments.runtime, os.environ), do, ANSWER_S, **fields)
-
-
-def _flat(told: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """(path, value) of everything inside maps."""
-    if isinstance(told, dict):
-        for key, value in told.items():
-            yield from _flat(value, f"{name}.{key}" if name else str(key))
-    else:
-        yield name, told
 
 
 def _finish(arguments: argparse.Namespace, told: dict[str, Any]) -> None:

@@ -123,7 +123,7 @@ class Daemon:
             tell=self.happened,
             now_ns=clock.now_ns,
             rights=self._rights,
-            command=self._commands.from_link,
+            command=self._asked_by_link,
             limits=Limits(config.link.max_clients, config.link.fill_kb_per_s * 1000),
         )
         self._notifier = notifier or Notifier(None)
@@ -286,6 +286,10 @@ class Daemon:
             "sensors": sensors,
             "spool": self.spool.status(),
         }
+
+    async def _asked_by_link(self, name: str, argument: str, key: str) -> str:
+        who = key if self._access is None else self._access.name_for(key)
+        return await self._commands.from_link(name, argument, who)
 
     def _rights(self, key: str | None) -> frozenset[str] | None:
         return EVERYTHING if self._access is None else self._access.rights_of(key)

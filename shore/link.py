@@ -131,6 +131,22 @@ class Link:
             cure += "; if the boat's keys were made anew, pair again (wayfix pair)"
         raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
 
+    def command(self, name: str, argument: str = "", timeout_s: float = CONNECT_TIMEOUT_S) -> str:
+        """Ask the board to do something, after `connect`: its answer in words. Raises LinkError."""
+        number = secrets.randbits(31) + 1
+        self._send("command", id=number, name=name, argument=argument)
+        deadline_ns = boottime_ns() + int(timeout_s * NS_PER_S)
+        while boottime_ns() < deadline_ns:
+            self._raise_if_refused()
+            parts = self._receive_parts(0.05)
+            message = {} if parts is None else session.unpack(parts[0], MAX_MESSAGE_BYTES)
+            if message.get("type") == "done" and message.get("id") == number:
+                return str(message.get("text"))
+            if message.get("type") == "error":
+                raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
+        cure = "look whether it was done (wayfix boat status), then ask again"
+        raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
+
     def renew(self) -> None:
         """Send a lease now: frames come from here on."""
         self._renewed_ns = 0

@@ -10,6 +10,7 @@ from typing import Any
 
 from common.command import number, run_command
 from common.errors import WayfixError
+from shore.boat_command import add_arguments as add_boat_arguments
 from shore.connect_command import add_arguments as add_connect_arguments
 from shore.lab.arguments import add_arguments as add_lab_arguments
 from shore.logbook.arguments import add_arguments as add_log_arguments
@@ -44,6 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     _add(commands, "export", "a log as CSV, GPX, KML, GeoJSON, NMEA, MCAP, Parquet, PNG", add_export_arguments, _export)
     _add_demo(commands)
     _add(commands, "lab", "scenarios x filters x runs", add_lab_arguments, _lab)
+    _add(commands, "boat", "ask a boat's daemon: status, reopen, mark", add_boat_arguments, _boat)
     _add(commands, "pair", "learn a boat's key, once", add_pair_arguments, _pair)
     return parser
 
@@ -151,6 +153,13 @@ def _export(arguments: argparse.Namespace) -> int:
 def _pair(arguments: argparse.Namespace) -> int:
     """Pair with a boat by the code that `wayfix-onboard pair` shows on it."""
     from shore.pair_command import run
+
+    return run(arguments)
+
+
+def _boat(arguments: argparse.Namespace) -> int:
+    """Ask a boat's daemon for something; it is an event in every log. Needs the right `command` (docs/security.md)."""
+    from shore.boat_command import run
 
     return run(arguments)
 

@@ -1,11 +1,14 @@
 """A station and a board as a newcomer joins them: pair once, then connect without an address; strangers get nothing."""
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from common.codec import decode_frame
+from shore.logbook.read import read_log
 from tests.system.harness import Process, command
 from tests.system.outages import config_of
 
@@ -31,9 +34,9 @@ def address_of(process: Process) -> str:
     return str(process.ready()["bind"]).removeprefix("tcp://")
 
 
-def paired(directory: Path, process: Process, keys: Path) -> None:
+def paired(directory: Path, process: Process, keys: Path, *rights: str) -> None:
     """Both commands, as two people type them."""
-    asking = Process("wayfix-onboard", "pair", "--runtime", directory / "run", "--port", "0", "--json")
+    asking = Process("wayfix-onboard", "pair", "--runtime", directory / "run", "--port", "0", "--json", *rights)
     try:
         code = asking.wait_for(lambda me: next((line for line in me.out if line.count("-") == 2), None))
         port = asking.wait_for(lambda me: next((line for line in me.err if "port" in line), None))
@@ -69,3 +72,34 @@ def test_paired_once_the_boat_is_found_and_others_are_refused(tmp_path: Path) ->
     assert gone.returncode == 2
     assert "no boat was found within 5 s" in gone.stderr.splitlines()[-1]
     assert place in gone.stderr
+
+
+def test_a_station_with_the_right_commands_the_boat_and_one_without_is_refused(tmp_path: Path) -> None:
+    reader, commander = tmp_path / "reader", tmp_path / "commander"
+    with board(tmp_path) as running:
+        paired(tmp_path, running, reader)
+        paired(tmp_path, running, commander, "--command", "--name", "bridge")
+        log = ("--frames", "40", "--period", "0.1", "--log", tmp_path / "log", "--keys", reader)
+        ashore = Process("wayfix", "connect", *log)
+        try:
+            ashore.wait_for_words(" missing", 20.0)
+            refused = command("wayfix", "boat", "mark", "buoy 7", "--keys", reader)
+            assert refused.returncode == 2
+            assert "may read, not command" in refused.stderr.splitlines()[-1]
+            marked = command("wayfix", "boat", "mark", "buoy 7", "--keys", commander)
+            assert (marked.returncode, marked.stderr.splitlines()[-1]) == (0, "marked")
+            opened = command("wayfix", "boat", "reopen", "compass1", "--keys", commander)
+            assert opened.returncode == 0, opened.stderr
+            unknown = command("wayfix", "boat", "reopen", "gps9", "--keys", commander)
+            assert unknown.returncode == 2
+            assert "there is no sensor 'gps9'" in unknown.stderr.splitlines()[-1]
+            status = command("wayfix", "boat", "status", "--keys", commander, "--json")
+            assert json.loads(status.stdout.splitlines()[-1])["boat_id"] == "b"
+            assert ashore.finish(20.0) == 0, ashore.err
+        finally:
+            ashore.end()
+    (path,) = (tmp_path / "log").glob("*.mcap")
+    codes = [item.code for data in read_log(path).frames() for item in decode_frame(data).events]
+    assert [codes.count(code) for code in ("mark", "command-refused")] == [1, 1]
+    assert codes.count("command-done") == 2
+    assert any("mark: buoy 7 (by bridge)" in line for line in ashore.err)
