@@ -17,6 +17,7 @@ from common import session
 from common.clock import boottime_ns
 from common.errors import CodecError, LinkError, WayfixError
 from common.messages import SCHEMA_VERSION
+from common.offset import ClockOffset
 from common.session import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_MS, NS_PER_S
 
@@ -92,6 +93,8 @@ class Link:
         """Asked for each lease."""
         self.is_urgent = False
         """A lease is worth sending before its time: a hole was found."""
+        self.offset = ClockOffset()
+        """Of the board's clock to ours, for display."""
         self._client = client
         self._keys = keys
         self._window = window
@@ -197,11 +200,16 @@ class Link:
         if missing := [name for name in REQUIRED if name not in message]:
             cure = "install the same version on both sides"
             raise LinkError(f"the greeting lacks {', '.join(missing)}", self.endpoint, cure)
+        if self._boot_id != str(message["boot_id"]):
+            self.offset = ClockOffset()
         self._boot_id = str(message["boot_id"])
         self._heard_ns = boottime_ns()
         return message
 
     def _alive(self, message: dict[str, Any]) -> Received | None:
+        match message:
+            case {"echo_ns": int(echo_ns), "rx_ns": int(rx_ns), "tx_ns": int(tx_ns)}:
+                self.offset.add(echo_ns, rx_ns, tx_ns, self._heard_ns)
         gone = session.frame_ranges(message.get("gone") or [])
         return Received(gone=gone) if gone else None
 

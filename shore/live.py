@@ -17,7 +17,7 @@ from common.messages import Event
 from common.sensors import BoatConfig
 from common.session import BoundedRun
 from common.settings import convert
-from common.units import NS_PER_S
+from common.units import NS_PER_MS, NS_PER_S
 from shore.cursor import Cursor
 from shore.ledger import Ledger
 from shore.link import Link, Received, Wants
@@ -304,7 +304,9 @@ class LiveRun:
                 self._cursor.save(self._recorder.path, self._recorder.log_time_ns)
 
     def _counted(self) -> str:
-        return self._status.text(self.tally.received, self._ledger.missing_count, self._ledger.gone_count)
+        counts = self._status.text(self.tally.received, self._ledger.missing_count, self._ledger.gone_count)
+        offset = self._link.offset.at(boottime_ns())
+        return counts if offset is None else f"{counts} | round trip {2 * offset.bound_ns / NS_PER_MS:.0f} ms"
 
     def _ended(self, end: dict[str, Any]) -> None:
         self.tally.sent = int(end.get("sent") or 0)
@@ -331,7 +333,10 @@ class LiveRun:
 
     def _summary(self) -> dict[str, Any]:
         tally = self.tally
+        offset = self._link.offset.at(boottime_ns())
         return {
+            "clock_offset_ns": None if offset is None else offset.offset_ns,
+            "clock_bound_ns": None if offset is None else offset.bound_ns,
             "received": tally.received,
             "missing": tally.missing,
             "bad": tally.bad,

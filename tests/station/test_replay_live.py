@@ -14,6 +14,7 @@ import pytest
 from common.codec import encode_frame
 from common.events import event
 from common.messages import Frame
+from common.offset import ClockOffset
 from common.sensors import BoatConfig
 from common.simulation.readings import Rates
 from common.simulation.recording import recording_voyage
@@ -49,6 +50,7 @@ class FakeLink:
         self._items = list(items)
         self._silences = 0
         self.is_urgent = False
+        self.offset = ClockOffset()
         self.wants: Callable[[], object] = Wants
 
     def connect(self, timeout_s: float = 5.0, stopped: Callable[[], bool] = lambda: False) -> dict[str, Any]:

@@ -82,7 +82,7 @@ def test_a_station_with_the_right_commands_the_boat_and_one_without_is_refused(t
         log = ("--frames", "40", "--period", "0.1", "--log", tmp_path / "log", "--keys", reader)
         ashore = Process("wayfix", "connect", *log)
         try:
-            ashore.wait_for_words(" missing", 20.0)
+            ashore.wait_for_words(" missing | round trip ", 20.0)
             refused = command("wayfix", "boat", "mark", "buoy 7", "--keys", reader)
             assert refused.returncode == 2
             assert "may read, not command" in refused.stderr.splitlines()[-1]
