@@ -171,6 +171,11 @@ def lease_of(message: dict[str, Any]) -> Lease:
     )
 
 
+def command_id(message: dict[str, Any]) -> int:
+    """The number of a command, 0 when it has none; raises CodecError."""
+    return 0 if message.get("id") is None else _whole(message, "id", 0, _INT_HIGH)
+
+
 def frame_ranges(items: Sequence[Any]) -> list[FrameRange]:
     """[[boot_id, first, last], ...] checked; raises CodecError."""
     ranges = []

@@ -16,7 +16,8 @@ from onboard.in_order import InOrder
 from onboard.sessions import Session
 from onboard.spool import Batch, Run, Spool
 
-READ_BYTES: Final = 65_536
+READ_BYTES: Final = 16_384
+"""In one turn: a client with a large window has no more of the bytes than one with a usual window."""
 
 Send = Callable[[Session, list[bytes]], bool]
 """False = not now."""
@@ -76,7 +77,6 @@ class Filling:
             if not client.has_room(len(data), fill=True) or not self._send(client, [header, data]):
                 return False
             client.sent_missing(gap.boot_id, seq, len(data))
-            self._earned -= len(data)
         client.passed(gap.boot_id, gap.last if batch.next_seq is None else batch.next_seq - 1)
         return True
 
@@ -89,20 +89,25 @@ class Filling:
                 return False
             place.unsent.popleft()
             client.sent_in_order(len(data))
-            self._earned -= len(data)
         if place.is_complete:
             self._end(client, "all frames sent")
             return False
-        held = self._where(place)
+        try:
+            held = self._where(place)
+        except CodecError as error:
+            self._end(client, _too_large(error))
+            return False
         if held is None:
             self._end(client, "frames of an earlier start of the daemon are not held any more")
             return False
         if place.seq >= held.next_seq:
             return False
         batch = await self._read(place.boot_id, place.seq, held.next_seq - 1, READ_BYTES)
-        if client.in_order is place:
-            self._take(client, place, batch)
-        return True
+        fault = await asyncio.to_thread(_take, place, batch)  # to merge 60 s of frames takes a tenth of a second
+        if fault is None or client.in_order is not place:
+            return True
+        self._end(client, fault)
+        return False
 
     def _where(self, place: InOrder) -> Run | None:
         """The start whose frames come next; None = it is lost."""
@@ -115,21 +120,6 @@ class Filling:
                 return runs[index + 1]
         return None
 
-    def _take(self, client: Session, place: InOrder, batch: Batch) -> None:
-        try:
-            for seq, data in batch.frames:
-                if seq != place.seq:
-                    break
-                place.take(data)
-                if place.is_complete:
-                    return
-        except CodecError as error:
-            self._end(client, f"a frame of this period is too large ({error.what}); ask for a shorter one")
-            return
-        lost = [first for first, last in batch.gone if first <= place.seq <= last]
-        if lost:
-            self._end(client, f"frame {place.seq} is not held any more")
-
     async def _read(self, boot_id: str, first: int, last: int, max_bytes: int) -> Batch:
         """From the store, when the bytes of this second allow it."""
         now_ns = boottime_ns()
@@ -137,4 +127,26 @@ class Filling:
         self._earned, self._earned_at_ns = min(self._earned, self._bytes_per_s / 4), now_ns
         if self._earned < 0.0:
             await asyncio.sleep(-self._earned / self._bytes_per_s)
-        return await asyncio.to_thread(self._store.read, boot_id, first, last, max_bytes)
+        batch = await asyncio.to_thread(self._store.read, boot_id, first, last, max_bytes)
+        self._earned -= sum(len(data) for _, data in batch.frames)  # whether they can be sent or not
+        return batch
+
+
+def _take(place: InOrder, batch: Batch) -> str | None:
+    """Returns why the run cannot go on."""
+    try:
+        for seq, data in batch.frames:
+            if seq != place.seq:
+                break
+            place.take(data)
+            if place.is_complete:
+                return None
+    except CodecError as error:
+        return _too_large(error)
+    if any(first <= place.seq <= last for first, last in batch.gone):
+        return f"frame {place.seq} is not held any more"
+    return None
+
+
+def _too_large(error: CodecError) -> str:
+    return f"a frame of this period is too large ({error.what}); ask for a shorter one"

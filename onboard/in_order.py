@@ -1,13 +1,16 @@
 """A bounded run's place: every frame in order, merged to its period on that period's absolute grid. Pure."""
 
 from collections import deque
-from typing import Any
+from typing import Any, Final
 
-from common.codec import decode_frame, encode_frame
+from common.codec import MAX_FRAME_BYTES, decode_frame, encode_frame
+from common.errors import CodecError
 from common.framer import merge
-from common.messages import Frame
 from common.session import BoundedRun
 from common.units import NS_PER_S
+
+GATHERED_BYTES: Final = 2 * MAX_FRAME_BYTES
+"""Of the board's frames for one merged frame: together they say the same things once."""
 
 
 class InOrder:
@@ -22,7 +25,9 @@ class InOrder:
         """The next frame of the board to take."""
         self.unsent: deque[tuple[dict[str, Any], bytes]] = deque()
         self._period_ns = 0 if period_ns == frame_period_ns else period_ns
-        self._gathered: list[Frame] = []
+        self._gathered: list[bytes] = []
+        """As they came: decoded they take ten times as much memory."""
+        self._gathered_bytes = 0
 
     @property
     def is_complete(self) -> bool:
@@ -38,7 +43,10 @@ class InOrder:
         frame = decode_frame(data)
         if self.k == 0 and not self._gathered and frame.t0_ns % self._period_ns:
             return  # the first one begins on the grid
-        self._gathered.append(frame)
+        self._gathered_bytes += len(data)
+        if self._gathered_bytes > GATHERED_BYTES:
+            raise CodecError(f"more than {GATHERED_BYTES} bytes")
+        self._gathered.append(data)
         if frame.t0_ns // self._period_ns != frame.t1_ns // self._period_ns:
             self._merge()
 
@@ -49,7 +57,8 @@ class InOrder:
         self.boot_id, self.seq = boot_id, 0
 
     def _merge(self) -> None:
-        gathered, self._gathered = self._gathered, []
+        gathered = [decode_frame(data) for data in self._gathered]
+        self._gathered, self._gathered_bytes = [], 0
         self._made(gathered[-1].seq, encode_frame(merge(gathered)))
 
     def _made(self, seq: int, data: bytes) -> None:

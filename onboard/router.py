@@ -44,6 +44,8 @@ class Router:
             (zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS),
             (zmq.HEARTBEAT_TTL, session.HEARTBEAT_TIMEOUT_MS),
             (zmq.HANDSHAKE_IVL, session.HEARTBEAT_TIMEOUT_MS),
+            # Whoever keeps sending and never reads is cut off too: the heartbeat takes any word for a sign of life.
+            (zmq.TCP_MAXRT, session.HEARTBEAT_TIMEOUT_MS),
         ):
             self._socket.setsockopt(option, value)
         if secret_key is not None:

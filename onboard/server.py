@@ -22,12 +22,20 @@ from common.messages import SCHEMA_VERSION, Event, Frame
 from common.units import NS_PER_S
 from onboard.filling import Filling
 from onboard.router import Router
-from onboard.sessions import MAX_GONE, Session, gone_of
+from onboard.sessions import MAX_GONE, Pace, Session, gone_of
 from onboard.spool import Spool
 
 log = logging.getLogger(__name__)
 
 MAX_CLIENTS: Final = 32
+SESSIONS_OF_KEY: Final = 4
+"""One station's key cannot take every place; on an open board nobody has one."""
+NEWS_AT_ONCE: Final = 128
+NEWS_PER_S: Final = 2.0
+"""Events of clients that come and go, and are refused: a client that does nothing else fills no frame."""
+COMMANDS_AT_ONCE: Final = 10
+COMMANDS_PER_S: Final = 2.0
+"""Of one key."""
 NOT_LISTED: Final = "this station's key is not on the board's list"
 CURE_PAIR: Final = "pair again: wayfix-onboard pair on the board, then wayfix pair ashore"
 
@@ -77,6 +85,8 @@ class Server:
         self._frame_period_ns = frame_period_ns
         self._filling = Filling(store, self._send, self._end, limits.fill_bytes_per_s)
         self._commands: set[asyncio.Task[None]] = set()
+        self._command_paces: dict[str | None, Pace] = {}
+        self._news = Pace(NEWS_AT_ONCE, NEWS_PER_S)
         self.malformed = 0
 
     @property
@@ -154,7 +164,8 @@ class Server:
             self._reply(routing_id, "error", what=error.what, cure="see docs/protocol.md")
         except Exception:  # whatever a stranger sends, the daemon lives
             self.malformed += 1
-            log.exception("message from %s not answered", routing_id.hex())
+            if self._news.allows(boottime_ns()):
+                log.exception("message from %s not answered", routing_id.hex())
 
     def _answer(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
         kind = message["type"]
@@ -190,9 +201,8 @@ class Server:
             )
         client = self._sessions.get((key, lease.session))
         if client is None:
-            if len(self._sessions) >= self._limits.clients:
-                what = f"{self._limits.clients} clients are connected"
-                self._reply(routing_id, "error", what=what, cure="close another station, or raise --max-clients")
+            if (refusal := self._refusal(key)) is not None:
+                self._reply(routing_id, "error", what=refusal[0], cure=refusal[1])
                 return
             client = self._join(routing_id, key, lease, message)
         if lease.boot_id != self._boot_id:
@@ -211,11 +221,19 @@ class Server:
         self._send_newest(client)
         self._filling.wake()
 
+    def _refusal(self, key: str | None) -> tuple[str, str] | None:
+        """Why there is no place for one more client with this key, and what to do."""
+        if len(self._sessions) >= self._limits.clients:
+            return f"{self._limits.clients} clients are connected", "close another station, or raise --max-clients"
+        if key is not None and sum(other == key for other, _ in self._sessions) >= SESSIONS_OF_KEY:
+            return f"{SESSIONS_OF_KEY} clients with this key are connected", "close one, or give each its own --keys"
+        return None
+
     def _join(self, routing_id: bytes, key: str | None, lease: session.Lease, message: dict[str, Any]) -> Session:
-        name = "".join(filter(str.isprintable, str(message.get("client", ""))))[:32] or routing_id.hex()
+        name = _printable(message.get("client")) or routing_id.hex()
         client = Session(name, key, lease, live_next=self._next_seq)
         self._sessions[key, lease.session] = client
-        self._tell(event("client-joined", self._now_ns(), "link", client=name))
+        self._tell_news("client-joined", client=name)
         return client
 
     def _send_newest(self, client: Session) -> None:
@@ -246,22 +264,31 @@ class Server:
     def _forget(self, key: tuple[str | None, str], reason: str) -> None:
         client = self._sessions.pop(key, None)
         if client is not None:
-            self._tell(event("client-left", self._now_ns(), "link", client=client.name, reason=reason))
+            self._tell_news("client-left", client=client.name, reason=reason)
+
+    def _tell_news(self, code: str, **evidence: str) -> None:
+        if self._news.allows(boottime_ns()):
+            self._tell(event(code, self._now_ns(), "link", **evidence))
 
     def _start_command(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
-        request = {"id": int(message.get("id") or 0)}
+        request = {"id": session.command_id(message)}
+        name, argument = _printable(message.get("name")), message.get("argument") or ""
+        if not isinstance(argument, str):
+            raise CodecError("argument must be a text")
         if self._command is None or "command" not in (self._rights(key) or ()):
             cure = "pair again with the right: wayfix-onboard pair --command"
             self._reply(routing_id, "error", what="this station's key may read, not command", cure=cure, **request)
             who = "anybody" if key is None else fingerprint(key)
-            name = str(message.get("name"))[:32]
-            self._tell(event("command-refused", self._now_ns(), "link", command=name, client=who))
+            self._tell_news("command-refused", command=name, client=who)
             return
-        name, argument = str(message.get("name"))[:32], str(message.get("argument") or "")[: session.MAX_ARGUMENT]
+        pace = self._command_paces.setdefault(key, Pace(COMMANDS_AT_ONCE, COMMANDS_PER_S))
+        if not pace.allows(boottime_ns()):
+            self._reply(routing_id, "error", what="too many commands", cure="wait a second", **request)
+            return
 
         async def work(command: Command) -> None:
             try:
-                text = await command(name, argument, key or "anybody")
+                text = await command(name, argument[: session.MAX_ARGUMENT], key or "anybody")
             except WayfixError as error:
                 self._reply(routing_id, "error", what=error.what, cure=error.cure, **request)
             else:
@@ -270,3 +297,8 @@ class Server:
         task = asyncio.ensure_future(work(self._command))
         self._commands.add(task)
         task.add_done_callback(self._commands.discard)
+
+
+def _printable(text: object) -> str:
+    """For events: 32 characters of it; nothing of what is no text."""
+    return "".join(filter(str.isprintable, text))[:32] if isinstance(text, str) else ""

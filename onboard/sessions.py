@@ -41,6 +41,25 @@ def gone_of(missing: Sequence[FrameRange], held: Sequence[Run]) -> list[FrameRan
     return gone
 
 
+class Pace:
+    """So many at once, then so many a second: for what a client causes that stays, events and work."""
+
+    def __init__(self, at_once: int, per_s: float) -> None:
+        self._at_once = at_once
+        self._per_s = per_s
+        self._left = float(at_once)
+        self._t_ns = 0
+
+    def allows(self, t_ns: int) -> bool:
+        """Whether one more may be at `t_ns`; it counts then."""
+        self._left = min(self._at_once, self._left + max(0, t_ns - self._t_ns) / NS_PER_S * self._per_s)
+        self._t_ns = max(t_ns, self._t_ns)
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
 @dataclass(slots=True)
 class Session:
     """One client. `key` is its public key, None on an open board."""

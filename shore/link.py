@@ -272,7 +272,8 @@ class Link:
             if self._keys is None:
                 cure = "pair with it (wayfix pair), or start the daemon with --open"
                 raise LinkError("the boat wants a key and this station gave none", self.endpoint, cure)
-            raise LinkError("the boat did not take our greeting", self.endpoint, "is it a Wayfix daemon with keys?")
+            cure = "is it a Wayfix daemon with keys? if its keys were made anew, pair again (wayfix pair)"
+            raise LinkError("the boat did not take our greeting", self.endpoint, cure)
 
     def _send(self, kind: str, **fields: Any) -> bool:
         assert self._socket is not None
