@@ -19,10 +19,11 @@ from typing import Any, Final
 
 import msgpack
 
-from common.errors import LinkError, WayfixError
+from common.errors import CodecError, LinkError, WayfixError
 from common.key_list import name_fault
 from common.keys import CROCKFORD, KEY_BYTES, crockford
 from common.units import NS_PER_S
+from common.untrusted import unpack_untrusted
 
 VERSION: Final = 1
 NONCE_BYTES: Final = 32
@@ -206,12 +207,10 @@ def _packed(**fields: Any) -> bytes:
 
 def _unpacked(message: bytes, shape: dict[str, type | int]) -> dict[str, Any]:
     """A map of exactly these fields, each of this type or so many bytes; raises LinkError."""
-    fields = None
-    if len(message) <= MAX_MESSAGE_BYTES:
-        try:
-            fields = msgpack.unpackb(message, raw=False, strict_map_key=True, max_ext_len=0)
-        except Exception:  # msgpack raises its own errors, ValueError, UnicodeDecodeError, RecursionError
-            fields = None
+    try:
+        fields = unpack_untrusted(message, MAX_MESSAGE_BYTES)
+    except CodecError:
+        fields = None
     if not isinstance(fields, dict) or fields.keys() != shape.keys():
         raise LinkError(_FOREIGN, "pairing", CURE)
     if not all(_fits(fields[name], wanted) for name, wanted in shape.items()):

@@ -29,6 +29,7 @@ import msgpack
 
 from common.errors import CodecError
 from common.messages import SCHEMA_VERSION
+from common.untrusted import unpack_untrusted
 
 LINK_VERSION: Final = 2
 """Of this vocabulary; 1 had neither leases nor keys."""
@@ -121,15 +122,7 @@ def pack(kind: str, **fields: Any) -> bytes:
 
 def unpack(data: bytes, limit: int = MAX_HEADER_BYTES) -> dict[str, Any]:
     """Bytes of a header -> its map, `type` checked; raises CodecError for anything else."""
-    if len(data) > limit:
-        raise CodecError(f"message of {len(data)} bytes is over the limit of {limit}")
-    try:
-        message = msgpack.unpackb(
-            data, raw=False, strict_map_key=True, max_str_len=4096, max_bin_len=4096,
-            max_array_len=1024, max_map_len=1024, max_ext_len=0,
-        )  # fmt: skip
-    except Exception as error:  # msgpack raises its own errors, ValueError and UnicodeDecodeError
-        raise CodecError(f"not a MessagePack message ({type(error).__name__})") from error
+    message = unpack_untrusted(data, limit)
     if not isinstance(message, dict) or message.get("type") not in TYPES:
         raise CodecError("not a message of this protocol")
     return message
