@@ -9,7 +9,7 @@ FAST := -m "not slow"
 # Tests whose result no other work on the machine can change run on all cores: those that wait for no clock, and those
 # that wait most of their time.
 PURE := $(addprefix tests/,acquire lab layout link messages navigate simulate station)
-WAITING := $(addprefix tests/system/test_,outages.py board_ends.py meeting.py wrong_clocks.py)
+WAITING := $(addprefix tests/system/test_,outages.py board_ends.py meeting.py wrong_clocks.py addresses.py)
 REAL := $(addprefix --ignore=,$(PURE) $(WAITING))
 
 .PHONY: demo test test-slow golden soak nightly loopback lint check-python clean help

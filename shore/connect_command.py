@@ -8,7 +8,7 @@ from common.command import number
 from common.errors import LinkError, WayfixError
 from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
 from shore.logbook.trip_arguments import add_trip_arguments
-from shore.meeting import add_meeting_arguments, link_to, meet
+from shore.meeting import Seeker, add_meeting_arguments, link_to, looker, meet
 from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
 
 if TYPE_CHECKING:
@@ -47,9 +47,10 @@ def run(arguments: argparse.Namespace) -> int:
     boats = Boats(arguments.keys)
     address, boat = meet(arguments, boats)
     link = link_to(address, boat, boats)
+    seeker = Seeker(looker(boat, boats)) if boat is not None and arguments.address is None else None
     with StopFlag().on_signals() as stop:
         try:
-            live = LiveRun(link, options, stop, say)
+            live = LiveRun(link, options, stop, say, seeker)
             if boat is not None:
                 boats.remember(boat.boat_id, boat.public_key, address)
             tally = live.run()

@@ -181,6 +181,11 @@ class Link:
             raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
         raise CodecError(f"unexpected {kind} message")
 
+    def move_to(self, address: str) -> None:
+        """The boat has another address now; the session goes on there. Raises WayfixError."""
+        self.endpoint = endpoint(address)
+        self._new_socket()
+
     def silent_s(self) -> float | None:
         """Seconds without a word from the board once that is too long, else None."""
         age_s = (boottime_ns() - self._heard_ns) / NS_PER_S

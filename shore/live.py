@@ -20,9 +20,10 @@ from common.settings import convert
 from common.units import NS_PER_MS, NS_PER_S
 from shore.cursor import Cursor
 from shore.ledger import Ledger
-from shore.link import Link, Received, Wants
+from shore.link import Link, Received, Wants, endpoint
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
+from shore.meeting import Seeker
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Pipeline
 from shore.status import StatusLine
@@ -130,13 +131,24 @@ class Recorder:
 class LiveRun:
     """One station session from `connected` to its end. `say` prints a line for the person at the terminal."""
 
-    def __init__(self, link: Link, options: Options, stopped: Callable[[], bool], say: Callable[[str], None]) -> None:
-        """Connects at once; raises LinkError or WayfixError (unknown filter, log directory)."""
+    def __init__(
+        self,
+        link: Link,
+        options: Options,
+        stopped: Callable[[], bool],
+        say: Callable[[str], None],
+        seeker: Seeker | None = None,
+    ) -> None:
+        """Connects at once; raises LinkError or WayfixError (unknown filter, log directory).
+
+        seeker: is asked for another address while the link is lost.
+        """
         self.tally = Tally()
         self._link = link
         self._options = options
         self._stopped = stopped
         self._say = say
+        self._seeker = seeker
         connected = link.connect(stopped=stopped)
         if options.frames is None:
             link.renew()  # what is made while the filters are built comes in its order
@@ -290,6 +302,10 @@ class LiveRun:
             self._happened(event("link-lost", self._status.t_ns, "link", age_s=round(silent_s, 1)))
         lost_s = (boottime_ns() - self._lost_since_ns) / NS_PER_S
         self._say(f"LINK LOST for {lost_s:.0f} s, trying again | before: {self._counted()}")
+        address = None if self._seeker is None else self._seeker.ask()
+        if address is not None and endpoint(address) != self._link.endpoint:
+            self._say(f"the boat is at {address} now")
+            self._link.move_to(address)
 
     def _tell_filled(self) -> None:
         """Once after a loss of the link: nothing is missing any more."""

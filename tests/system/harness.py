@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -30,8 +30,9 @@ def compass_config(directory: Path, bind: str = "tcp://127.0.0.1:*", **paths: st
 class Process:
     """A command of ours; stdout lines that are JSON objects and all stderr lines are kept."""
 
-    def __init__(self, *arguments: str | Path) -> None:
-        command = [str(BIN / str(arguments[0])), *map(str, arguments[1:])]
+    def __init__(self, *arguments: str | Path, inside: Sequence[str] = ()) -> None:
+        """inside: what is to run it, as `ip netns exec NAME`."""
+        command = [*inside, str(BIN / str(arguments[0])), *map(str, arguments[1:])]
         self.popen = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
