@@ -6,9 +6,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
 FAST := -m "not slow"
-# Tests that wait for no clock and no port run on all cores, one after the other would take twice as long.
-PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
-REAL := $(addprefix --ignore=,$(PURE))
+# Tests whose result no other work on the machine can change run on all cores: those that wait for no clock, and those
+# that wait most of their time.
+PURE := $(addprefix tests/,acquire lab layout link messages navigate simulate station)
+WAITING := $(addprefix tests/system/test_,outages.py board_ends.py meeting.py wrong_clocks.py addresses.py)
+REAL := $(addprefix --ignore=,$(PURE) $(WAITING))
 
 .PHONY: demo test test-slow golden soak nightly loopback lint check-python clean help
 
@@ -50,6 +52,7 @@ test: lint
 
 test-slow: $(VENV)/dev.stamp
 	$(BIN)/pytest -m slow -n auto $(PURE)
+	$(BIN)/pytest -m slow -n 6 $(WAITING)
 	$(BIN)/pytest -m slow $(REAL)
 
 golden: $(VENV)/dev.stamp

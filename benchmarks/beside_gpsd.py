@@ -114,7 +114,7 @@ def measure(program: str, seconds: float) -> Run:
         ready = devices.line()
         config = Path(place) / "boat.toml"
         config.write_text(config_text(ready["ports"]), encoding="utf-8")
-        command = (wayfix, "run", str(config), "--bind", "tcp://127.0.0.1:*", "--until-stdin-closes")
+        command = (wayfix, "run", "--open", str(config), "--bind", "tcp://127.0.0.1:*", "--until-stdin-closes")
         log = (Path(place) / "log").open("w", encoding="utf-8")
         with (
             log,

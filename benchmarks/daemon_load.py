@@ -150,7 +150,7 @@ def _observe(load: Load, place: Path, ports: dict[str, str], feeders: list[Child
     config = place / "boat.toml"
     config.write_text(config_text(ports), encoding="utf-8")
     program = str(Path(sys.executable).with_name("wayfix-onboard"))
-    command = (program, "run", str(config), "--bind", "tcp://127.0.0.1:*", "--until-stdin-closes")
+    command = (program, "run", "--open", str(config), "--bind", "tcp://127.0.0.1:*", "--until-stdin-closes")
     names = [*GPS_FIELDS, "imu1", "ais1", *(name for name in ports if name.startswith("compass"))]
     samples: list[tuple[float, int]] = []
     said_s = [-math.inf]

@@ -135,15 +135,20 @@ class Client:
         self.accepted: dict[str, int] = {}
         self.rejected: dict[str, int] = {}
         self._seq: int | None = None
-        self._send("hello", schema=SCHEMA_VERSION, client="benchmark")
-        if self._receive()[0]["type"] != "connected":
+        self._send("hello", schema=SCHEMA_VERSION, link=session.LINK_VERSION, client="benchmark")
+        header = self._receive()[0]
+        if header["type"] != "connected":
             raise SystemExit("the daemon did not greet the client")
-        self._send("run")
+        self._boot_id = str(header["boot_id"])
+        self._renewed_ns = 0
 
     def listen(self, until_ns: int, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Take frames until that boot time."""
         while boottime_ns() < until_ns:
+            self._renew()
             header, data, now_ns = self._receive()
+            if header["type"] == "alive":
+                continue
             if header["type"] != "frame":
                 raise SystemExit(f"the daemon said {header}")
             frame = decode_frame(data)
@@ -152,8 +157,15 @@ class Client:
             self._note(frame)
             meanwhile()
 
+    def _renew(self) -> None:
+        now_ns = boottime_ns()
+        if now_ns - self._renewed_ns > 0.25e9:
+            self._renewed_ns = now_ns
+            lease = session.Lease("be", self._boot_id, session.MAX_WINDOW, self.bytes, now_ns)
+            self._send("lease", **lease.as_fields())
+
     def close(self) -> None:
-        self._send("bye")
+        self._send("bye", session="be")
         self._socket.close(linger=200)
         self._context.term()
 
@@ -165,7 +177,7 @@ class Client:
             raise SystemExit("nothing from the daemon for 10 s")
         parts = self._socket.recv_multipart()
         now_ns = boottime_ns()
-        return session.unpack(parts[0]), parts[-1], now_ns
+        return session.unpack(parts[0], 2**20), parts[-1], now_ns
 
     def _note(self, frame: Frame) -> None:
         self.frames += 1

@@ -6,10 +6,10 @@ Exit 0 = done (also after Ctrl-C), 1 = ran and the answer is no, 2 = wrong input
 import argparse
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from common.errors import SettingsError, WayfixError
 
@@ -55,6 +55,15 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
+def flat(told: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """(path, value) of everything inside maps, for people."""
+    if isinstance(told, dict):
+        for key, value in told.items():
+            yield from flat(value, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, told
 
 
 def number(kind: type[N], low: N, high: N) -> Callable[[str], N]:

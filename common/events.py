@@ -51,16 +51,41 @@ EVENTS: Final[dict[str, EventKind]] = {
         "UTC of {sensor} jumped by {step_s} s against the boat clock",
         "check the receiver; times on the boat clock are not touched",
     ),
+    "receivers-disagree": EventKind(
+        "warning",
+        "{sensor} and {other} give UTC {apart_s} s apart; that of {other} holds",
+        "check both receivers' dates; the one that was there first holds until it falls silent",
+    ),
+    "week-rollover": EventKind(
+        "warning",
+        "{sensor} gives the date {date}, which is past; if its GPS weeks have begun anew, it is {later}: not used",
+        "if the later date is right, set week_rollover = true at this sensor in the board's file",
+    ),
+    "week-rollover-repaired": EventKind(
+        "warning",
+        "{sensor} gives the date {date}, its GPS weeks have begun anew: {later} is used",
+        "update the receiver's firmware, or replace it when you can",
+    ),
+    "date-refused": EventKind(
+        "warning", "{sensor} gives the date {date}, which cannot be: it is not used", "check the receiver"
+    ),
     "frame-failed": EventKind(
         "error", "frame {seq} could not be encoded and was not sent: {reason}", "report this configuration"
     ),
     "ticks-missed": EventKind("warning", "the board slept: {count} frame periods passed at once", "nothing to do"),
     "client-joined": EventKind("info", "client {client} joined", "nothing to do"),
     "client-left": EventKind("info", "client {client} left: {reason}", "nothing to do"),
-    "frames-dropped": EventKind(
-        "warning", "{count} frames were not sent to client {client}: it reads too slowly", "check the radio link"
+    "frames-gone": EventKind(
+        "warning",
+        "{count} frames from {seq} on are lost: the boat does not hold them any more",
+        "give the board's [spool] more room, or a card that is faster",
     ),
-    "frames-missing": EventKind("warning", "{count} frames missing before frame {seq}", "check the radio link"),
+    "gaps-filled": EventKind("info", "no frame is missing any more ({count} received)", "nothing to do"),
+    "command-done": EventKind("info", "{command}, asked by {client}", "nothing to do"),
+    "mark": EventKind("info", "mark: {text} (by {client})", "nothing to do"),
+    "command-refused": EventKind(
+        "warning", "the command {command} of {client} was refused: its key may only read", "pair it with --command"
+    ),
     "link-lost": EventKind(
         "warning",
         "no frame from the boat for {age_s} s",
@@ -73,6 +98,31 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "state-unusable": EventKind(
         "warning", "the start counter cannot be kept: {reason}", "give a writable --state directory"
+    ),
+    "station-refused": EventKind(
+        "warning",
+        "a station was refused: its key {fingerprint} is not on the allow list",
+        "if it is yours, pair it: wayfix-onboard pair on the board, wayfix pair ashore",
+    ),
+    "pairing-open": EventKind("info", "pairing is open on port {port} for {seconds} s", "nothing to do"),
+    "pairing-done": EventKind("info", "paired with {name}, key {fingerprint}, rights {rights}", "nothing to do"),
+    "pairing-failed": EventKind(
+        "warning",
+        "pairing ended without a key: {reason}",
+        "ask for a new code (wayfix-onboard pair); if that was not you ashore, somebody else is on this network",
+    ),
+    "keys-read": EventKind("info", "the allow list was read: {count} stations", "nothing to do"),
+    "keys-damaged": EventKind(
+        "warning", "{file}: {count} faults, the first: {first}", "mend the file, then reload it (docs/security.md)"
+    ),
+    "key-revoked": EventKind("info", "the key of {name} was taken off the allow list", "nothing to do"),
+    "link-open": EventKind(
+        "warning",
+        "--open: nothing is encrypted, and everybody who reaches port {port} may read and command",
+        "leave --open out and pair the station, unless this network is yours alone",
+    ),
+    "control-unusable": EventKind(
+        "warning", "no control socket: {reason}", "give a --runtime directory that the daemon may write"
     ),
     "board-rebooted": EventKind("warning", "the board was rebooted; the filters start anew", "nothing to do"),
     "origin-moved": EventKind(
@@ -130,6 +180,39 @@ EVENTS: Final[dict[str, EventKind]] = {
         "warning",
         "the earth's horizontal field is only {field_nt} nT here: compass and variation are unreliable",
         "near a magnetic pole use a satellite compass or a gyrocompass",
+    ),
+    "spool-damaged": EventKind(
+        "warning",
+        "{bytes} bytes at the end of the spool are no frames ({file}); all before them are kept",
+        "after a power cut nothing; else check the card: `wayfix-onboard spool verify`",
+    ),
+    "spool-failed": EventKind(
+        "error",
+        "frames are not stored on disk, only in memory: {reason} ({path})",
+        "check the card and the rights of the state directory; it is tried again by itself",
+    ),
+    "spool-locked": EventKind(
+        "error",
+        "another daemon stores its frames in {path}; those of this one are only in memory",
+        "stop the other daemon, or give this one a --state directory of its own",
+    ),
+    "spool-restored": EventKind("info", "frames are stored on disk again", "nothing to do"),
+    "spool-behind": EventKind(
+        "warning", "the disk is too slow: frames from {seq} on are not stored on it", "use a faster card"
+    ),
+    "spool-caught-up": EventKind(
+        "info", "the disk keeps up again; {dropped} frames of this start were not stored", "nothing to do"
+    ),
+    "spool-rolling": EventKind(
+        "info", "the spool has reached its {max_mib} MiB: the oldest frames go from here on", "nothing to do"
+    ),
+    "spool-low": EventKind(
+        "warning",
+        "less than {min_free_mib} MiB are free on the disk: the oldest frames go",
+        "remove what fills it, or lower [spool] min_free_mib",
+    ),
+    "spool-full": EventKind(
+        "warning", "the disk is full: the oldest frames go", "remove what fills it, or lower [spool] max_mib"
     ),
 }
 

@@ -67,9 +67,24 @@ class FramesTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkTable:
-    """`[link]`: where the daemon listens."""
+    """`[link]`: where the daemon listens, and what clients may ask of it."""
 
     bind: Annotated[str, MaxLength(128)] = "tcp://*:5760"
+    max_clients: Annotated[int, Range(1, 1000)] = 32
+    fill_kb_per_s: Annotated[int, Range(10, 100_000)] = 1000
+    """Missing frames of all clients together, kB/s; new frames are not counted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpoolTable:
+    """`[spool]`: the frames kept on the board's disk (docs/spool-format.md)."""
+
+    max_mib: Annotated[int, Range(16, 1_000_000)] = 2048
+    """Of all frames kept; beyond it the oldest go."""
+    min_free_mib: Annotated[int, Range(0, 1_000_000)] = 256
+    """Of the file system, for other programs; below it the oldest go."""
+    sync_s: Annotated[float, Range(0.0, 60.0)] = 1.0
+    """What a power cut may cost, s; 0 = every frame is made durable at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +145,8 @@ class SensorTable:
     tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = 0.2
     """A hull that lifts its bow with speed u lets the forward accelerometer see c u |u| of gravity: 1-sigma of c, which
     the filters estimate; 0 = no such state."""
+    week_rollover: bool = False
+    """GPS: its dates are 1024 weeks in the past (event `week-rollover`) and are repaired."""
     lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
     """GPS antenna, forward of the boat's reference point (the IMU)."""
     lever_stb_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
@@ -147,6 +164,7 @@ class BoatConfig:
     boat: BoatTable
     frames: FramesTable = field(default_factory=FramesTable)
     link: LinkTable = field(default_factory=LinkTable)
+    spool: SpoolTable = field(default_factory=SpoolTable)
     port: tuple[PortTable, ...] = ()
     sensor: tuple[SensorTable, ...] = ()
 

@@ -1,37 +1,118 @@
-"""The link's vocabulary, first form (docs/protocol.md).
+"""The link's vocabulary (docs/protocol.md).
 
 One ROUTER socket on board, one DEALER for each client. A message is one MessagePack map with a `type`; a `frame`
 message has a second part with the frame's bytes, unchanged from board to log.
 
-    client -> board   hello      {schema, client}
-    board  -> client  connected  {schema, boat_id, boot_id, clock_id, start_no, next_seq, clock_rate, config, versions,
-                                  sensors}
-    client -> board   run        {m, period_s}      m frames of one period each, in order, none skipped, then `end`;
-                                                    without period_s the board's own frames
-                      run        {}                 continuous: every frame from `next_seq` on, until bye or end
-    board  -> client  frame      {k}                + frame bytes; k = 1..m
+    client -> board   hello      {schema, link, client, session}
+    board  -> client  connected  {schema, link, boat_id, boot_id, clock_id, start_no, next_seq, clock_rate, config,
+                                  versions, sensors, runs}
+    client -> board   lease      all that the board has to know to serve the client from here on (`Lease`), renewed
+                                 every 100 to 500 ms; a newer one replaces it
+    board  -> client  alive      {echo_ns, rx_ns, tx_ns, next_seq, gone}   the answer to every lease
+                      frame      {boot_id, seq, k}     + frame bytes; k = 1..m in a bounded run
                       end        {sent, next_seq, reason}   ends the session, never the daemon
                       error      {what, cure}
-    client -> board   bye        {}
+    client -> board   command    {id, name, argument}
+    board  -> client  done       {id, text}            or error {what, cure, id}
+    client -> board   bye        {session}
 
-`sensors` lists every configured sensor: {id, state: delivering | silent | missing, reason}.
+The lease names no connection: whichever connection brings it is served. So a lost radio, a new address, a restarted
+daemon or a restarted client heal by the next lease.
 """
 
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import msgpack
 
 from common.errors import CodecError
 from common.messages import SCHEMA_VERSION
+from common.untrusted import unpack_untrusted
 
-MAX_HEADER_BYTES: Final = 65_536
+LINK_VERSION: Final = 2
+"""Of this vocabulary; 1 had neither leases nor keys."""
+MAX_HEADER_BYTES: Final = 16_384
+"""Of a message to the board."""
 MAX_RUN_FRAMES: Final = 10_000_000
 MIN_PERIOD_S: Final = 0.05
 MAX_PERIOD_S: Final = 60.0
 HEARTBEAT_MS: Final = 1_000
 HEARTBEAT_TIMEOUT_MS: Final = 4_000
+LEASE_S: Final = 5.0
+"""A client that renews no lease for so long is forgotten."""
+RENEW_S: Final = 0.25
+WINDOW_BYTES: Final = 24_576
+"""Bytes on their way to one client: 200 ms of a radio of 1 Mbit/s."""
+MIN_WINDOW: Final = 1_024
+MAX_WINDOW: Final = 2**20
+MAX_MISSING: Final = 64
+"""Ranges in one lease."""
+MAX_RUNS: Final = 100
+"""Starts of the daemon told in one greeting, the newest."""
+MAX_ARGUMENT: Final = 500
+"""Characters of a command's argument."""
 
-TYPES: Final = ("hello", "connected", "run", "frame", "end", "error", "bye")
+TYPES: Final = (
+    "hello", "connected", "lease", "alive", "frame", "end", "error", "command", "done", "bye",
+)  # fmt: skip
+
+_ID: Final = re.compile(r"[0-9a-f]{1,16}")
+_INT_HIGH: Final = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRange:
+    """Frames `first` to `last` (both included) of one daemon start."""
+
+    boot_id: str
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class BoundedRun:
+    """m frames in order, none skipped; `k` of them are received, the next begins with frame `seq` of `boot_id`."""
+
+    m: int | None
+    """None = for ever: continuous in order, for a client that wants frames of another period."""
+    k: int
+    boot_id: str
+    seq: int
+    period_s: float | None
+    """None = the board's own frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """The whole state of a client, as it asks to be served from here on."""
+
+    session: str
+    """Drawn by the client, 1 to 16 hex digits: the same over all its connections."""
+    boot_id: str
+    """Of the last `connected`; the board greets anew when it is another's."""
+    window: int
+    """Bytes of frames that may be on their way at once."""
+    received: int
+    """Bytes of frames received so far; only differences count."""
+    t_ns: int
+    """The client's clock, sent back in `alive`."""
+    missing: tuple[FrameRange, ...] = ()
+    """Frames to be sent again, oldest first."""
+    run: BoundedRun | None = None
+    """Instead of the newest frames and missing ones."""
+
+    def as_fields(self) -> dict[str, Any]:
+        """The message's fields."""
+        fields: dict[str, Any] = {
+            "session": self.session, "boot_id": self.boot_id, "window": self.window, "received": self.received,
+            "t_ns": self.t_ns, "missing": [[item.boot_id, item.first, item.last] for item in self.missing],
+        }  # fmt: skip
+        if self.run is not None:
+            run = {"m": self.run.m, "k": self.run.k, "boot_id": self.run.boot_id, "seq": self.run.seq}
+            fields["run"] = {**run, "period_s": self.run.period_s}
+        return fields
 
 
 def pack(kind: str, **fields: Any) -> bytes:
@@ -39,27 +120,90 @@ def pack(kind: str, **fields: Any) -> bytes:
     return bytes(msgpack.packb({"type": kind, **fields}, use_bin_type=True))
 
 
-def unpack(data: bytes) -> dict[str, Any]:
+def unpack(data: bytes, limit: int = MAX_HEADER_BYTES) -> dict[str, Any]:
     """Bytes of a header -> its map, `type` checked; raises CodecError for anything else."""
-    if len(data) > MAX_HEADER_BYTES:
-        raise CodecError(f"message of {len(data)} bytes is over the limit of {MAX_HEADER_BYTES}")
-    try:
-        message = msgpack.unpackb(
-            data, raw=False, strict_map_key=True, max_str_len=4096, max_bin_len=4096,
-            max_array_len=1024, max_map_len=1024, max_ext_len=0,
-        )  # fmt: skip
-    except Exception as error:  # msgpack raises its own errors, ValueError and UnicodeDecodeError
-        raise CodecError(f"not a MessagePack message ({type(error).__name__})") from error
+    message = unpack_untrusted(data, limit)
     if not isinstance(message, dict) or message.get("type") not in TYPES:
         raise CodecError("not a message of this protocol")
     return message
 
 
 def schema_fault(other: object) -> str | None:
-    """Why we cannot talk to a peer of schema `other`, or `None`: the numbers must be equal (`SCHEMA_VERSION`)."""
+    """Why we cannot read frames of schema `other`, or `None`: the numbers must be equal (`SCHEMA_VERSION`)."""
+    return _fault("schema", other, SCHEMA_VERSION)
+
+
+def version_fault(greeting: dict[str, Any]) -> str | None:
+    """Why we cannot talk to the sender of this `hello` or `connected`, or None: both numbers must be equal to ours."""
+    return schema_fault(greeting.get("schema")) or _fault("link", greeting.get("link", 1), LINK_VERSION)
+
+
+def _fault(name: str, other: object, ours: int) -> str | None:
     if not isinstance(other, int) or isinstance(other, bool):
-        return "the other side names no schema version"
-    if other == SCHEMA_VERSION:
+        return f"the other side names no {name} version"
+    if other == ours:
         return None
-    newer = "the other side" if other > SCHEMA_VERSION else "this side"
-    return f"schema {other} there, {SCHEMA_VERSION} here: {newer} is newer, install the same version on both"
+    newer = "the other side" if other > ours else "this side"
+    return f"{name} {other} there, {ours} here: {newer} is newer, install the same version on both"
+
+
+def lease_of(message: dict[str, Any]) -> Lease:
+    """The fields of a `lease` message, checked; raises CodecError that names the field at fault."""
+    missing = message.get("missing", [])
+    if not isinstance(missing, list) or len(missing) > MAX_MISSING:
+        raise CodecError(f"missing must be a list of at most {MAX_MISSING} ranges")
+    run = message.get("run")
+    return Lease(
+        session=_hex(message, "session"),
+        boot_id=_hex(message, "boot_id"),
+        window=_whole(message, "window", MIN_WINDOW, MAX_WINDOW),
+        received=_whole(message, "received", 0, _INT_HIGH),
+        t_ns=_whole(message, "t_ns", -_INT_HIGH, _INT_HIGH),
+        missing=tuple(frame_ranges(missing)),
+        run=None if run is None else _run_of(run),
+    )
+
+
+def command_id(message: dict[str, Any]) -> int:
+    """The number of a command, 0 when it has none; raises CodecError."""
+    return 0 if message.get("id") is None else _whole(message, "id", 0, _INT_HIGH)
+
+
+def frame_ranges(items: Sequence[Any]) -> list[FrameRange]:
+    """[[boot_id, first, last], ...] checked; raises CodecError."""
+    ranges = []
+    for item in items:
+        if not isinstance(item, list) or len(item) != 3:
+            raise CodecError("a range must be [boot_id, first, last]")
+        fields = dict(zip(("boot_id", "first", "last"), item, strict=True))
+        first = _whole(fields, "first", 0, _INT_HIGH)
+        ranges.append(FrameRange(_hex(fields, "boot_id"), first, _whole(fields, "last", first, _INT_HIGH)))
+    return ranges
+
+
+def _run_of(run: Any) -> BoundedRun:
+    if not isinstance(run, dict):
+        raise CodecError("run must be a map")
+    period_s = run.get("period_s")
+    if period_s is not None:
+        if isinstance(period_s, bool) or not isinstance(period_s, int | float):
+            raise CodecError("period_s must be a number")
+        if not MIN_PERIOD_S <= period_s <= MAX_PERIOD_S:
+            raise CodecError(f"period_s must be from {MIN_PERIOD_S:g} to {MAX_PERIOD_S:g} s, got {period_s:g}")
+    m = None if run.get("m") is None else _whole(run, "m", 1, MAX_RUN_FRAMES)
+    k = _whole(run, "k", 0, MAX_RUN_FRAMES)
+    return BoundedRun(m, k, _hex(run, "boot_id"), _whole(run, "seq", 0, _INT_HIGH), period_s)
+
+
+def _hex(fields: dict[str, Any], name: str) -> str:
+    value = fields.get(name)
+    if not isinstance(value, str) or not _ID.fullmatch(value):
+        raise CodecError(f"{name} must be 1 to 16 hex digits")
+    return value
+
+
+def _whole(fields: dict[str, Any], name: str, low: int, high: int) -> int:
+    value = fields.get(name)
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise CodecError(f"{name} must be a whole number from {low} to {high}")
+    return value

@@ -21,6 +21,7 @@ from common.units import NS_PER_S
 from onboard.budget import ByteBudget
 from onboard.clockmap import ClockMap
 from onboard.config import byte_budget
+from onboard.dates import Dates
 from onboard.devices import PortDecoder, make_driver, recognised
 from onboard.devices.base import Accepted, Ignored, Outcome, Rejected
 from onboard.devices.sentence import address
@@ -209,15 +210,21 @@ class Acquisition:
         self.framer = Framer(identity, [sensor.id for sensor in config.with_role("imu")], t0_ns)
         self.wires = {table.name: Wire() for table in config.port}
         self.monitors = {sensor.id: SensorMonitor(sensor, now_ns, self.wires[sensor.port]) for sensor in config.sensor}
-        self.clock_map = ClockMap()
+        self.clock_map = ClockMap(self.happened)
+        self.dates = Dates(self.happened, [sensor.id for sensor in config.sensor if sensor.week_rollover])
         self.chains = [PortChain(self, table) for table in config.port]
         self._tell = tell
 
     def take(self, measurement: Measurement, now_ns: int) -> None:
-        """A measurement of any driver goes into the frame; clock pairs also move the UTC mapping."""
+        """A measurement of any driver goes into the frame; clock pairs whose date can be also move the UTC mapping."""
+        if isinstance(measurement, ClockPair):
+            pair = self.dates.judge(measurement, self.clock_map.at(measurement.t_ns))
+            if pair is None:
+                return
+            if (step_s := self.clock_map.add(pair)) is not None:
+                self.happened(event("clock-stepped", now_ns, pair.sensor, sensor=pair.sensor, step_s=step_s))
+            measurement = pair
         self.framer.add(measurement)
-        if isinstance(measurement, ClockPair) and (step_s := self.clock_map.add(measurement)) is not None:
-            self.happened(event("clock-stepped", now_ns, measurement.sensor, sensor=measurement.sensor, step_s=step_s))
 
     def happened(self, happening: Event) -> None:
         """Every event is a record in the frame, and is told."""

@@ -1,60 +1,133 @@
-"""Boat clock -> UTC from GNSS pairs, first form.
+"""Boat clock -> UTC from GNSS pairs.
 
 A sentence always arrives late, never early, so the smallest (arrival - UTC) of the last minute is the best offset
-(lower envelope). UTC that disagrees by more than a second for three pairs in a row is a step: `epoch` + 1, start anew.
-One or two are a damaged date, a receiver just woken, or a board that was busy; they are left out.
+(lower envelope). UTC that disagrees for three pairs in a row is a step: `epoch` + 1, start anew. One or two are a
+damaged date, a receiver just woken, or a board that was busy; they are left out. A leap second is a step of -1 s: POSIX
+time has no name for it.
+
+Of receivers that disagree the one that was there first holds, until none has agreed with the mapping for ten seconds.
+The boat clock itself is never touched: a board without a battery clock just learns its UTC later.
 """
 
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Final
 
+from common.events import event
 from common.framer import Utc
-from common.messages import ClockPair
+from common.messages import ClockPair, Event
 from common.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS: Final = 60 * NS_PER_S
-STEP_NS: Final = NS_PER_S
+LATE_NS: Final = 750 * NS_PER_MS
+"""A pair may come so much later than the quickest one: what stands before it in the burst changes, boards are busy."""
+EARLY_NS: Final = 500 * NS_PER_MS
+"""... and so much earlier; a minute's quickest pair is seldom beaten by much. Both stay below a leap second."""
 UNCERTAINTY_NS: Final = 100 * NS_PER_MS
 """Spread of NMEA latency without PPS that no envelope can see (1-sigma)."""
+DRIFT_PER_S: Final = 50e-6
+"""A board's crystal, seconds a second."""
 BELIEVED: Final = 3
 """Pairs in a row, of one receiver and agreeing with each other, that make a step."""
 FIRST_BELIEVED: Final = 2
 """The same for the first mapping: a receiver's first date may be its default one."""
-_AGREE_NS: Final = STEP_NS // 2
+HELD_NS: Final = 10 * NS_PER_S
+"""So long after it agreed a receiver holds the mapping against others."""
+TOLD_AFTER: Final = 10
+"""Pairs in a row after which a receiver that is not believed is told, once; one just woken may give a few odd dates."""
+_AGREE_NS: Final = NS_PER_S // 2
 """Less than a second: the epochs that waited in a busy board share one arrival, and differ by a second each."""
+_AT_ONCE_NS: Final = 20 * NS_PER_MS
+"""Pairs that arrived together waited; only the last of them tells the time. No receiver has over 20 epochs a second."""
+
+
+@dataclass(slots=True)
+class _Receiver:
+    """What one receiver says beside the mapping."""
+
+    doubted: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=BELIEVED))
+    """(time, offset) of pairs in a row that disagree with the mapping and agree with each other."""
+    against: int = 0
+    """Pairs in a row that disagree with the mapping."""
+    agreed_ns: int | None = None
+    """When it last agreed."""
+    is_told: bool = False
+
+    def doubt(self, t_ns: int, offset: int) -> None:
+        """Keep a pair that disagrees with the mapping."""
+        self.against += 1
+        if self.doubted:
+            last_ns, last = self.doubted[-1]
+            if 0 <= t_ns - last_ns < _AT_ONCE_NS:
+                self.doubted[-1] = t_ns, min(offset, last)
+                return
+            if abs(offset - last) > _AGREE_NS:
+                self.doubted.clear()
+        self.doubted.append((t_ns, offset))
 
 
 class ClockMap:
     """Pairs in, UTC of any boat time out."""
 
-    def __init__(self) -> None:
+    def __init__(self, tell: Callable[[Event], None] = lambda _: None) -> None:
+        """tell: where it goes that receivers disagree."""
         self.epoch = 0
+        self._tell = tell
         self._envelope: deque[tuple[int, int]] = deque()
         """(time, offset) that may still become the smallest of the window: offsets grow, the last is the newest."""
-        self._doubted: dict[str, list[tuple[int, int]]] = {}
-        """By sensor: pairs in a row that disagree with the mapping and agree with each other."""
+        self._newest_ns = 0
+        self._receivers: dict[str, _Receiver] = {}
 
     def add(self, pair: ClockPair) -> float | None:
         """Take one pair; returns the size of a step (s) when UTC jumped against the boat clock."""
         offset = pair.t_ns - pair.utc_ns
-        if self._envelope and abs(offset - self._envelope[-1][1]) <= STEP_NS:
-            self._doubted.clear()
+        receiver = self._receivers.setdefault(pair.sensor, _Receiver())
+        if self._envelope and self._agrees(pair.t_ns, offset):
+            receiver.doubted.clear()
+            receiver.against, receiver.agreed_ns = 0, pair.t_ns
             self._take(pair.t_ns, offset)
             return None
-        doubted = self._doubted.setdefault(pair.sensor, [])
-        if doubted and abs(offset - doubted[-1][1]) > _AGREE_NS:
-            doubted.clear()
-        doubted.append((pair.t_ns, offset))
-        if len(doubted) < (BELIEVED if self._envelope else FIRST_BELIEVED):
+        receiver.doubt(pair.t_ns, offset)
+        if holder := self._held_by(pair):
+            if receiver.against >= TOLD_AFTER and not receiver.is_told:
+                receiver.is_told = True
+                apart_s = round((self._envelope[0][1] - offset) / NS_PER_S, 1)
+                known: dict[str, str | float] = {"sensor": pair.sensor, "other": holder, "apart_s": apart_s}
+                self._tell(event("receivers-disagree", pair.t_ns, pair.sensor, **known))
             return None
+        if len(receiver.doubted) < (BELIEVED if self._envelope else FIRST_BELIEVED):
+            return None
+        return self._start_anew(pair)
+
+    def _agrees(self, t_ns: int, offset: int) -> bool:
+        """The boat clock may have drifted since the last pair."""
+        drift_ns = DRIFT_PER_S * max(0, t_ns - self._newest_ns)
+        return -EARLY_NS - drift_ns <= offset - self._envelope[0][1] <= LATE_NS + drift_ns
+
+    def _held_by(self, pair: ClockPair) -> str | None:
+        """Another receiver that agreed with the mapping lately."""
+        return next(
+            (
+                sensor
+                for sensor, other in self._receivers.items()
+                if sensor != pair.sensor and other.agreed_ns is not None and pair.t_ns - other.agreed_ns <= HELD_NS
+            ),
+            None,
+        )
+
+    def _start_anew(self, pair: ClockPair) -> float | None:
+        """The mapping of what this receiver says; returns the step from the former one, if there was one."""
+        receiver = self._receivers[pair.sensor]
         step_s = None
         if self._envelope:
-            step_s = (self._envelope[-1][1] - offset) / NS_PER_S
+            step_s = (self._envelope[0][1] - min(offset for _, offset in receiver.doubted)) / NS_PER_S
             self.epoch += 1
         self._envelope.clear()
-        self._doubted.clear()
-        for t_ns, believed in doubted:
+        for t_ns, believed in receiver.doubted:
             self._take(t_ns, believed)
+        receiver.doubted.clear()
+        receiver.against, receiver.agreed_ns = 0, pair.t_ns
         return step_s
 
     def _take(self, t_ns: int, offset: int) -> None:
@@ -63,9 +136,11 @@ class ClockMap:
         self._envelope.append((t_ns, offset))
         while self._envelope[0][0] < t_ns - WINDOW_NS:
             self._envelope.popleft()
+        self._newest_ns = t_ns
 
     def at(self, t_ns: int) -> Utc:
-        """UTC of boat time `t_ns`; None before the mapping exists."""
+        """UTC of boat time `t_ns`, its doubt growing while no pair comes; None before the mapping exists."""
         if not self._envelope:
             return Utc(None, None, "none")
-        return Utc(t_ns - self._envelope[0][1], UNCERTAINTY_NS, "gnss")
+        drift_ns = round(DRIFT_PER_S * max(0, t_ns - self._newest_ns - WINDOW_NS))
+        return Utc(t_ns - self._envelope[0][1], UNCERTAINTY_NS + drift_ns, "gnss")

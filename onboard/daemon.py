@@ -6,24 +6,37 @@ import os
 import secrets
 import signal
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
+
+import zmq
 
 from common.clock import BoatClock, machine_clock_id
 from common.events import event, line_of
 from common.framer import Identity
+from common.keys import fingerprint
 from common.messages import Event, Frame
 from common.sensors import BoatConfig
+from common.settings import as_dict
 from common.units import NS_PER_S, NS_PER_US
-from onboard.acquisition import Acquisition, PortChain
+from onboard.access import Access, Zap
+from onboard.acquisition import Acquisition, PortChain, versions
 from onboard.alive import AliveMark
+from onboard.commands import Commands
+from onboard.control import Control, has_terminal
+from onboard.key_requests import KeyRequests
 from onboard.notify import Notifier
+from onboard.pairing import PairingPort
 from onboard.ports import Port
-from onboard.server import Server
+from onboard.router import Router
+from onboard.server import Limits, Server
+from onboard.spool import Spool
 
 log = logging.getLogger(__name__)
 
 DRAIN_S: Final = 0.5
+EVERYTHING: Final = frozenset({"read", "command"})
 CATCH_UP_NS: Final = 60 * NS_PER_S
 """A board that slept longer than this (suspend) leaves a hole in the grid instead of a burst of empty frames."""
 _LOG_LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
@@ -71,9 +84,14 @@ class Daemon:
         clock: BoatClock,
         state_dir: Path | None = None,
         runtime_dir: Path | None = None,
+        *,
         notifier: Notifier | None = None,
+        access: Access | None = None,
     ) -> None:
-        """state_dir keeps the start counter, runtime_dir (in memory) the mark of a run that still lives."""
+        """state_dir keeps start counter and spool, runtime_dir (in memory) the mark of a run that still lives.
+
+        access: whose keys are let in; None = everybody, in clear.
+        """
         self.config = config
         self.clock = clock
         self.period_ns = round(NS_PER_S / config.frames.rate_hz)
@@ -84,9 +102,33 @@ class Daemon:
         self.acquisition = Acquisition(config, identity, self._next_tick_ns - self.period_ns, now_ns, _log_event)
         self.happened = self.acquisition.happened
         self.ports = [self._port(chain) for chain in self.acquisition.chains]
-        self.server = Server(self._connected, self.period_ns, self.happened, clock.now_ns)
+        spool_dir = None if state_dir is None else state_dir / "spool"
+        about = {"config": as_dict(config), "versions": versions()}
+        self.spool = Spool(spool_dir, identity, config.spool, self.happened, clock.now_ns, about=about)
+        self._access = access
+        self._runtime_dir = runtime_dir
+        reopen = {
+            sensor.id: partial(self._reopen, chain, port)
+            for chain, port in zip(self.acquisition.chains, self.ports, strict=True)
+            for sensor in (monitor.table for monitor in chain.monitors)
+        }
+        self._commands = Commands(self._status, reopen, self.happened, clock.now_ns)
+        self._context = zmq.Context()
+        self._zap = None if access is None else Zap(self._context, access, self._stranger)
+        self.server = Server(
+            Router(self._context, None if access is None else access.secret_key),
+            self.spool,
+            connected=self._connected,
+            frame_period_ns=self.period_ns,
+            tell=self.happened,
+            now_ns=clock.now_ns,
+            rights=self._rights,
+            command=self._asked_by_link,
+            limits=Limits(config.link.max_clients, config.link.fill_kb_per_s * 1000),
+        )
         self._notifier = notifier or Notifier(None)
-        self._mark = AliveMark(runtime_dir, identity)
+        # The mark's times are compared with those of the run before: only the real boat clock goes on over a restart.
+        self._mark = AliveMark(runtime_dir if clock.rate == 1.0 else None, identity)
         self.parts: list[Callable[[], bool]] = []
         """Each says whether it lives; the watchdog is fed only while all do."""
         self._stop = asyncio.Event()
@@ -102,24 +144,36 @@ class Daemon:
 
     async def run(self, bind: str, on_ready: Callable[[dict[str, Any]], None]) -> None:
         """Run until `stop`; on_ready is told where the socket listens once ports are polled. Raises WayfixError."""
+        workers = []
+        if self._zap is not None:
+            workers.append(asyncio.create_task(self._zap.run()))
+            await self._zap.self_test()
         endpoint = self.server.bind(bind)
+        self._keys = self._key_requests(endpoint)
+        requests = {**self._commands.handlers(), **(self._keys.handlers() if self._keys is not None else {})}
+        control = Control(self._runtime_dir, requests, self.happened, self.clock.now_ns)
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
+        loop.add_signal_handler(signal.SIGHUP, self._hung_up)
         self.happened(event("daemon-started", self.clock.now_ns(), "daemon", sensors=len(self.config.sensor)))
         self._tell_gap()
         if self._state_fault is not None:
             self.happened(event("state-unusable", self.clock.now_ns(), "daemon", reason=self._state_fault))
-        workers = [asyncio.create_task(port.run()) for port in self.ports]
-        workers += [asyncio.create_task(self.server.run()), asyncio.create_task(self._tick_for_ever())]
+        workers += [asyncio.create_task(port.run()) for port in self.ports]
+        for work in (self.server.run(), control.run(), self._tick_for_ever()):
+            workers.append(asyncio.create_task(work))
         self.parts.append(lambda: not any(worker.done() for worker in workers))
         stopping = asyncio.create_task(self._stop.wait())
         try:
-            tried = asyncio.create_task(self._all_tried())
+            tried = asyncio.create_task(self._all_tried(control))
             await asyncio.wait([tried, *workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             if not tried.cancel():
                 identity = self.acquisition.identity
-                on_ready({"bind": endpoint, "boot_id": identity.boot_id, "boat_id": identity.boat_id})
+                key = None if self._access is None else self._access.public_key.decode("ascii")
+                on_ready(
+                    {"bind": endpoint, "boot_id": identity.boot_id, "boat_id": identity.boat_id, "public_key": key}
+                )
                 self._notifier.ready()
             done, _ = await asyncio.wait([*workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             for task in done - {stopping}:
@@ -131,7 +185,8 @@ class Daemon:
             await asyncio.gather(*workers, stopping, return_exceptions=True)
             await self._finish()
 
-    async def _all_tried(self) -> None:
+    async def _all_tried(self, control: Control) -> None:
+        await control.tried.wait()
         for port in self.ports:
             await port.tried.wait()
 
@@ -152,9 +207,15 @@ class Daemon:
         for chain in self.acquisition.chains:
             chain.flush(now_ns + NS_PER_S)
         self.server.publish(self.acquisition.frame(max(now_ns, self.acquisition.framer.t0_ns) + NS_PER_US))
-        self.server.end_all("the daemon stops")
+        serving = asyncio.create_task(self.server.run())
         await self.server.drain(DRAIN_S)
+        serving.cancel()
+        self.server.end_all("the daemon stops")
         self.server.close()
+        if self._zap is not None:
+            self._zap.close()
+        self._context.term()
+        await asyncio.to_thread(self.spool.close, DRAIN_S)
         if self._stop.is_set():
             self._mark.goodbye()  # a run that ends by an error keeps its mark: frames will be missing too
 
@@ -172,8 +233,7 @@ class Daemon:
             for chain, port in zip(self.acquisition.chains, self.ports, strict=True):
                 chain.flush(now_ns)
                 if chain.silent(now_ns):
-                    chain.reopening(now_ns)
-                    port.reopen()
+                    self._reopen(chain, port)
             frame = self.acquisition.frame(self._next_tick_ns)
             self._next_tick_ns += self.period_ns
             self.server.publish(frame)
@@ -188,6 +248,51 @@ class Daemon:
             states = [monitor.state(frame.t1_ns)[0] for monitor in self.acquisition.monitors.values()]
             delivering = states.count("delivering")
             self._notifier.status(status_text(self.config.boat.id, delivering, len(states), self.server.clients))
+
+    def _key_requests(self, endpoint: str) -> KeyRequests | None:
+        """What may be asked about keys; None on an open link, which has none."""
+        if self._access is None:
+            return None
+        port = PairingPort(self._access, self.config.boat.id, endpoint, self.happened, self.clock.now_ns)
+        keys = KeyRequests(self._access, port, self.happened, self.clock.now_ns, self.server.reload)
+        keys.tell_faults()
+        return keys
+
+    def _hung_up(self) -> None:
+        """SIGHUP: a closed terminal ends the daemon in it; a service reads its allow list again."""
+        if self._keys is None or has_terminal():
+            self.stop("SIGHUP")
+        else:
+            self._reloading = asyncio.create_task(self._keys.reload())
+
+    def _stranger(self, key: str) -> None:
+        self.happened(event("station-refused", self.clock.now_ns(), "link", fingerprint=fingerprint(key)))
+
+    def _reopen(self, chain: PortChain, port: Port) -> None:
+        chain.reopening(self.clock.now_ns())
+        port.reopen()
+
+    def _status(self) -> dict[str, Any]:
+        """For the command `status`."""
+        now_ns = self.clock.now_ns()
+        sensors = {name: monitor.state(now_ns)[0] for name, monitor in self.acquisition.monitors.items()}
+        identity = self.acquisition.identity
+        return {
+            "boat_id": identity.boat_id,
+            "boot_id": identity.boot_id,
+            "start_no": identity.start_no,
+            "next_seq": self.acquisition.framer.next_seq,
+            "clients": self.server.clients,
+            "sensors": sensors,
+            "spool": self.spool.status(),
+        }
+
+    async def _asked_by_link(self, name: str, argument: str, key: str) -> str:
+        who = key if self._access is None else self._access.name_for(key)
+        return await self._commands.from_link(name, argument, who)
+
+    def _rights(self, key: str | None) -> frozenset[str] | None:
+        return EVERYTHING if self._access is None else self._access.rights_of(key)
 
     def _connected(self) -> dict[str, Any]:
         return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)

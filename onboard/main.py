@@ -10,15 +10,18 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from common.clock import BoatClock
 from common.command import number, run_command
 from common.errors import WayfixError
 from common.sensors import BoatConfig
 from onboard.notify import log_handler, notifier, program_name
+
+OPEN_WARNING: Final = "OPEN LINK (--open): nothing is encrypted, whoever reaches the port reads and commands this boat"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -37,7 +40,14 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="poll the sensors and stream frames", description=_run.__doc__)
     run.add_argument("config", help="the board's configuration (deploy/examples/boat.toml explains every key)")
     run.add_argument("--bind", help="listen here instead of [link] bind, like tcp://127.0.0.1:5760")
-    run.add_argument("--state", type=Path, help="directory of the start counter (default: $STATE_DIRECTORY)")
+    run.add_argument(
+        "--state", type=Path, metavar="DIR", help="for keys, spool and start counter (default: $STATE_DIRECTORY)"
+    )
+    run.add_argument("--runtime", type=Path, metavar="DIR", help="for the control socket (default: $RUNTIME_DIRECTORY)")
+    run.add_argument("--open", action="store_true", help="no keys: whoever reaches the port reads and commands")
+    run.add_argument(
+        "--max-clients", type=number(int, 1, 1000), metavar="N", help="instead of [link] max_clients (default 32)"
+    )
     run.add_argument(
         "--clock-rate",
         type=number(float, 0.1, 1000.0),
@@ -72,24 +82,35 @@ def _parser() -> argparse.ArgumentParser:
 
     add_arguments(virtual)
     virtual.set_defaults(command=_virtual)
+
+    from onboard.control_command import add_arguments as add_control_arguments
+    from onboard.spool.command import add_arguments as add_spool_arguments
+
+    add_control_arguments(commands)
+    add_spool_arguments(commands)
     return parser
 
 
 def _run(arguments: argparse.Namespace) -> int:
     """Poll all sensors and stream timestamped frames until SIGTERM or Ctrl-C. One JSON line says when it is ready."""
+    from onboard.access import Access
     from onboard.config import load
     from onboard.daemon import Daemon
 
     config = load(arguments.config)
+    if arguments.max_clients is not None:
+        config = replace(config, link=replace(config.link, max_clients=arguments.max_clients))
     if arguments.clock_rate != 1.0:
         _refuse_fast_clock(config)
     clock = BoatClock(arguments.clock_rate, arguments.clock_start)
 
     async def run() -> None:
         state = arguments.state or _directory("STATE_DIRECTORY")
-        # The mark's times are compared with those of the run before: only the real boat clock goes on over a restart.
-        runtime = _directory("RUNTIME_DIRECTORY") if clock.rate == 1.0 else None
-        daemon = Daemon(config, clock, state, runtime, notifier(os.environ))
+        runtime = arguments.runtime or _directory("RUNTIME_DIRECTORY")
+        access = None if arguments.open else Access(state)
+        if access is None:
+            logging.getLogger("onboard").warning(OPEN_WARNING)
+        daemon = Daemon(config, clock, state, runtime, notifier=notifier(os.environ), access=access)
         if arguments.until_stdin_closes:
             _watch_stdin(lambda: daemon.stop("the parent process is gone"))
         await daemon.run(arguments.bind or config.link.bind, lambda ready: _say(ready=ready))

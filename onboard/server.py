@@ -1,66 +1,57 @@
-"""The board's end of the link: one ROUTER socket, one session for each client (`common.session`, docs/protocol.md).
+"""The board's end of the link: sessions over one ROUTER socket (`common.session`, docs/protocol.md).
 
-First form: no leases, no backfill, no keys. Frames wait in a bounded queue for each client; a slow continuous client
-loses the oldest and is told so by an event, a slow bounded client (`run m`) is ended rather than given a gap.
+Every frame goes to the store first. A client is sent the newest frame, then what it misses, oldest first, within its
+window; it says what that is with each lease (`onboard.sessions`).
 """
 
 import asyncio
 import logging
-import reprlib
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Final, cast
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Any, Final
 
 import zmq
-import zmq.asyncio
 
 from common import session
 from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.errors import CodecError, WayfixError
 from common.events import event
-from common.framer import merge
+from common.keys import fingerprint
 from common.messages import SCHEMA_VERSION, Event, Frame
 from common.units import NS_PER_S
+from onboard.filling import Filling
+from onboard.router import Router
+from onboard.sessions import MAX_GONE, Pace, Session, gone_of
+from onboard.spool import Spool
 
 log = logging.getLogger(__name__)
 
 MAX_CLIENTS: Final = 32
-QUEUE_BYTES: Final = 4 * 2**20
-"""About half a minute of the heaviest load; the spool takes over in the link's next form."""
-GREETING_NS: Final = 10 * NS_PER_S
-"""A client that said hello and asks for nothing for so long is forgotten: nothing is ever sent to it, so no send would
-fail when it is gone."""
-SEND_HIGH_WATER_MARK: Final = 64
-SEND_BUFFER_BYTES: Final = 32_768
-"""Small, so that what waits for a slow client waits in our queue and not, unseen, in the kernel's."""
-LINGER_MS: Final = 500
+SESSIONS_OF_KEY: Final = 4
+"""One station's key cannot take every place; on an open board nobody has one."""
+NEWS_AT_ONCE: Final = 128
+NEWS_PER_S: Final = 2.0
+"""Events of clients that come and go, and are refused: a client that does nothing else fills no frame."""
+COMMANDS_AT_ONCE: Final = 10
+COMMANDS_PER_S: Final = 2.0
+"""Of one key."""
+NOT_LISTED: Final = "this station's key is not on the board's list"
+CURE_PAIR: Final = "pair again: wayfix-onboard pair on the board, then wayfix pair ashore"
+
+Rights = Callable[[str | None], frozenset[str] | None]
+"""Public key of a sender -> what it may do: `read`, `command`; None = it is not on the list."""
+Command = Callable[[str, str, str], Awaitable[str]]
+"""(name, argument, who) -> the answer in words; raises WayfixError."""
 
 
-@dataclass(slots=True)
-class Session:
-    """What one client asked for and what it has been sent."""
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What clients together may ask of the board."""
 
-    client: str
-    greeted_ns: int
-    """Boottime of the last hello."""
-    running: bool = False
-    frames_left: int | None = None
-    """None = continuous."""
-    period_ns: int = 0
-    """0 = the board's own frames."""
-    sent: int = 0
-    dropped: int = 0
-    period_start_ns: int | None = None
-    gathered: list[Frame] = field(default_factory=list)
-    held: deque[bytes] = field(default_factory=deque)
-    """Frames since `hello`: a continuous run starts with them, so that nothing is missing after `next_seq`."""
-    queue: deque[list[bytes]] = field(default_factory=deque)
-    held_bytes: int = 0
-    queued_bytes: int = 0
-    ending: bool = False
-    """`end` is queued: forget the session when it is out."""
+    clients: int = MAX_CLIENTS
+    fill_bytes_per_s: int = 1_000_000
+    """Missing frames and bounded runs of all clients; new frames are not counted."""
 
 
 class Server:
@@ -68,27 +59,35 @@ class Server:
 
     def __init__(
         self,
+        router: Router,
+        store: Spool,
+        *,
         connected: Callable[[], dict[str, Any]],
         frame_period_ns: int,
-        on_event: Callable[[Event], None],
+        tell: Callable[[Event], None],
         now_ns: Callable[[], int],
+        rights: Rights = lambda _key: frozenset({"read", "command"}),
+        command: Command | None = None,
+        limits: Limits = Limits(),
     ) -> None:
+        self._router = router
+        self._store = store
         self._connected = connected
-        self._frame_period_ns = frame_period_ns
-        self._on_event = on_event
+        self._tell = tell
         self._now_ns = now_ns
-        self._sessions: dict[bytes, Session] = {}
-        self.malformed = 0
+        self._rights = rights
+        self._command = command
+        self._limits = limits
+        self._sessions: dict[tuple[str | None, str], Session] = {}
         self._next_seq = 0
-        self._context = zmq.asyncio.Context()
-        self._socket = self._context.socket(zmq.ROUTER)
-        self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
-        self._socket.setsockopt(zmq.SNDHWM, SEND_HIGH_WATER_MARK)
-        self._socket.setsockopt(zmq.SNDBUF, SEND_BUFFER_BYTES)
-        self._socket.setsockopt(zmq.MAXMSGSIZE, session.MAX_HEADER_BYTES)
-        self._socket.setsockopt(zmq.HEARTBEAT_IVL, session.HEARTBEAT_MS)
-        self._socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS)
-        self._socket.setsockopt(zmq.HEARTBEAT_TTL, session.HEARTBEAT_TIMEOUT_MS)
+        self._boot_id = ""
+        self._header = b""
+        self._frame_period_ns = frame_period_ns
+        self._filling = Filling(store, self._send, self._end, limits.fill_bytes_per_s)
+        self._commands: set[asyncio.Task[None]] = set()
+        self._command_paces: dict[str | None, Pace] = {}
+        self._news = Pace(NEWS_AT_ONCE, NEWS_PER_S)
+        self.malformed = 0
 
     @property
     def clients(self) -> int:
@@ -96,218 +95,210 @@ class Server:
         return len(self._sessions)
 
     def bind(self, address: str) -> str:
-        """Bind and return the endpoint in full (port `*` = any free one); raises WayfixError."""
-        self._socket.setsockopt(zmq.IPV6, int("[" in address))
-        try:
-            self._socket.bind(address)
-        except zmq.ZMQError as error:
-            self.close()
-            cure = "give tcp://ADDRESS:PORT of this machine with a free port ([link] bind, or --bind)"
-            raise WayfixError(f"cannot listen there ({zmq.strerror(error.errno or 0)})", address, cure) from error
-        return str(self._socket.getsockopt_string(zmq.LAST_ENDPOINT))
+        """See Router.bind."""
+        return self._router.bind(address)
 
     async def run(self) -> None:
         """Answer clients until cancelled."""
-        while True:
-            parts = await self._socket.recv_multipart()
-            identity = parts[0]
-            try:
-                self._answer(identity, session.unpack(parts[1] if len(parts) == 2 else b""))
-            except Exception as error:  # whatever a stranger sends, the daemon lives
-                self.malformed += 1
-                level = logging.DEBUG if isinstance(error, CodecError) else logging.ERROR
-                log.log(level, "malformed message from %s: %s", identity.hex(), type(error).__name__)
+        self._router.start(self._receive)
+        await self._filling.run(self._sessions.values)
 
     def publish(self, frame: Frame) -> None:
-        """Hand one new frame to every running session and push out what waits."""
+        """Store one new frame and hand it to every session that has room."""
         self._next_seq = frame.seq + 1
+        self._boot_id = frame.boot_id
         try:
-            encoded = encode_frame(frame) if self._sessions else b""
+            data = encode_frame(frame)
         except CodecError as error:
-            self._on_event(event("frame-failed", self._now_ns(), "daemon", seq=frame.seq, reason=error.what[:200]))
+            self._tell(event("frame-failed", self._now_ns(), "daemon", seq=frame.seq, reason=error.what[:200]))
             return
-        for identity, client in list(self._sessions.items()):
-            if not client.running:
-                _hold(client, encoded)
-                if boottime_ns() - client.greeted_ns > GREETING_NS:
-                    self._forget(identity, "it greeted and asked for nothing")
-                continue
-            if not client.ending:
-                if client.period_ns == 0:
-                    self._enqueue(client, encoded)
-                elif (merged := self._gather(client, frame)) is not None:
-                    self._enqueue_merged(client, merged)
-            self._push(identity, client)
+        self._store.append(frame.seq, data)
+        self._header = session.pack("frame", boot_id=frame.boot_id, seq=frame.seq)
+        now_ns = boottime_ns()
+        for key, client in list(self._sessions.items()):
+            if client.expires_ns < now_ns:
+                self._forget(key, "it was not heard of any more")
+            else:
+                self._send_newest(client)
+        self._filling.wake()
+
+    def reload(self) -> None:
+        """The allow list changed: sessions of keys that are no longer on it end at once."""
+        for key, client in list(self._sessions.items()):
+            if "read" not in (self._rights(client.key) or ()):
+                self._send(client, [session.pack("error", what=NOT_LISTED, cure=CURE_PAIR)])
+                self._forget(key, "its key was removed")
 
     def end_all(self, reason: str) -> None:
-        """Queue `end` for every session: the daemon stops."""
-        for identity, client in list(self._sessions.items()):
-            self._end(client, reason)
-            self._push(identity, client)
+        """Send `end` to every session: the daemon stops."""
+        for client in self._sessions.values():
+            if not client.is_ended:
+                self._end(client, reason)
+        self._sessions.clear()
 
     async def drain(self, deadline_s: float) -> None:
-        """Give slow clients a moment to take what waits for them."""
-        steps = 20
+        """Give clients a moment to take the last frames."""
+        steps = 50
         for _ in range(steps):
-            if not self._sessions:
+            if not any(self._is_behind(client) for client in self._sessions.values()):
                 return
             await asyncio.sleep(deadline_s / steps)
-            for identity, client in list(self._sessions.items()):
-                self._push(identity, client)
 
     def close(self) -> None:
-        """Close the socket; what is on its way has half a second."""
-        self._socket.close(linger=LINGER_MS)
-        self._context.term()
+        """Close the socket."""
+        self._router.close()
 
-    def _answer(self, identity: bytes, message: dict[str, Any]) -> None:
-        kind = message["type"]
-        client = self._sessions.get(identity)
-        if kind == "hello":
-            self._hello(identity, message)
-        elif kind == "bye":
-            self._forget(identity, "it said goodbye")
-        elif client is None:
-            self._reply(identity, session.pack("error", what="no session", cure="send hello first"))
-        elif kind == "run" and not client.ending:
-            self._run(identity, client, message)
+    def _is_behind(self, client: Session) -> bool:
+        waits_for_newest = client.lease.run is None and client.live_next < self._next_seq
+        return client.connection is not None and (client.on_the_way > 0 or bool(client.wanted) or waits_for_newest)
 
-    def _hello(self, identity: bytes, message: dict[str, Any]) -> None:
-        fault = session.schema_fault(message.get("schema"))
-        if fault is not None:
-            self._reply(identity, session.pack("error", what=fault, cure="install the same version on both sides"))
-            return
-        if identity not in self._sessions:
-            if len(self._sessions) >= MAX_CLIENTS:
-                cure = "close another station"
-                self._reply(identity, session.pack("error", what=f"{MAX_CLIENTS} clients are connected", cure=cure))
-                return
-            name = "".join(filter(str.isprintable, str(message.get("client", ""))))[:32] or identity.hex()
-            self._sessions[identity] = Session(name, boottime_ns())
-            self._on_event(event("client-joined", self._now_ns(), "link", client=name))
-        self._sessions[identity].greeted_ns = boottime_ns()
-        self._reply(identity, session.pack("connected", schema=SCHEMA_VERSION, **self._connected()))
-
-    def _run(self, identity: bytes, client: Session, message: dict[str, Any]) -> None:
-        fault = run_fault(message, self._frame_period_ns)
-        if fault is not None:
-            self._reply(identity, session.pack("error", what=fault, cure="correct the request and send run again"))
-            return
-        client.frames_left = message.get("m")
-        period_s = message.get("period_s")
-        period_ns = round(period_s * NS_PER_S) if period_s is not None else 0
-        client.period_ns = 0 if period_ns == self._frame_period_ns else period_ns
-        client.running = True
-        client.sent, client.period_start_ns = 0, None
-        client.gathered.clear()
-        held, client.held = client.held, deque()
-        client.held_bytes = 0
-        if client.frames_left is None and client.period_ns == 0:
-            for data in held:
-                self._enqueue(client, data)
-            self._push(identity, client)
-
-    def _gather(self, client: Session, frame: Frame) -> Frame | None:
-        """Merge the board's frames to the session's period, on the absolute grid of that period."""
-        if client.period_start_ns is None:
-            if frame.t0_ns % client.period_ns:
-                return None
-            client.period_start_ns = frame.t0_ns
-        client.gathered.append(frame)
-        if frame.t1_ns < client.period_start_ns + client.period_ns:
-            return None
-        merged = merge(client.gathered)
-        client.gathered.clear()
-        client.period_start_ns = frame.t1_ns
-        return merged
-
-    def _enqueue(self, client: Session, data: bytes) -> None:
-        client.sent += 1
-        client.queue.append([session.pack("frame", k=client.sent), data])
-        client.queued_bytes += len(data)
-        if client.frames_left is not None:
-            client.frames_left -= 1
-            if client.frames_left == 0:
-                self._end(client, "all frames sent")
-            elif client.queued_bytes > QUEUE_BYTES:
-                self._end(client, "the client reads too slowly")
-            return
-        while client.queued_bytes > QUEUE_BYTES:
-            client.queued_bytes -= len(client.queue.popleft()[-1])
-            client.dropped += 1
-
-    def _enqueue_merged(self, client: Session, frame: Frame) -> None:
-        """A long period of many sensors may pass the limits of one frame; the client is told, the daemon lives."""
+    def _receive(self, routing_id: bytes, key: str | None, parts: list[bytes]) -> None:
         try:
-            self._enqueue(client, encode_frame(frame))
+            if "read" in (self._rights(key) or ()):
+                self._answer(routing_id, key, session.unpack(parts[0] if len(parts) == 1 else b""))
+            else:
+                self._reply(routing_id, "error", what=NOT_LISTED, cure=CURE_PAIR)
         except CodecError as error:
-            self._end(client, f"a frame of this period is too large ({error.what}); ask for a shorter one")
+            self.malformed += 1
+            log.debug("malformed message from %s: %s", routing_id.hex(), error.what)
+            self._reply(routing_id, "error", what=error.what, cure="see docs/protocol.md")
+        except Exception:  # whatever a stranger sends, the daemon lives
+            self.malformed += 1
+            if self._news.allows(boottime_ns()):
+                log.exception("message from %s not answered", routing_id.hex())
+
+    def _answer(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
+        kind = message["type"]
+        if kind == "lease":
+            self._lease(routing_id, key, message)
+        elif kind == "hello":
+            self._hello(routing_id, message)
+        elif kind == "command":
+            self._start_command(routing_id, key, message)
+        elif kind == "bye":
+            self._forget((key, str(message.get("session"))), "it said goodbye")
+        else:
+            self.malformed += 1
+
+    def _hello(self, routing_id: bytes, message: dict[str, Any]) -> None:
+        fault = session.version_fault(message)
+        if fault is not None:
+            self._reply(routing_id, "error", what=fault, cure="")
+            return
+        self._greet(routing_id)
+
+    def _greet(self, routing_id: bytes) -> None:
+        runs = [[run.boot_id, run.start_no, run.first_seq, run.next_seq] for run in self._store.runs()]
+        greeting = {"schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "runs": runs[-session.MAX_RUNS :]}
+        self._reply(routing_id, "connected", **greeting, **self._connected())
+
+    def _lease(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
+        received_ns = boottime_ns()
+        lease = session.lease_of(message)
+        if lease.run is not None and round((lease.run.period_s or 0) * NS_PER_S) % self._frame_period_ns:
+            raise CodecError(
+                f"period_s must be a multiple of the board's frame period, {self._frame_period_ns / NS_PER_S:g} s"
+            )
+        client = self._sessions.get((key, lease.session))
+        if client is None:
+            if (refusal := self._refusal(key)) is not None:
+                self._reply(routing_id, "error", what=refusal[0], cure=refusal[1])
+                return
+            client = self._join(routing_id, key, lease, message)
+        if lease.boot_id != self._boot_id:
+            self._greet(routing_id)
+        client.renew(lease, routing_id, received_ns, self._frame_period_ns)
+        gone = [*gone_of(lease.missing, self._store.runs()), *client.gone]
+        self._reply(
+            routing_id,
+            "alive",
+            echo_ns=lease.t_ns,
+            rx_ns=received_ns,
+            tx_ns=boottime_ns(),
+            next_seq=self._next_seq,
+            gone=[[item.boot_id, item.first, item.last] for item in gone[:MAX_GONE]],
+        )
+        self._send_newest(client)
+        self._filling.wake()
+
+    def _refusal(self, key: str | None) -> tuple[str, str] | None:
+        """Why there is no place for one more client with this key, and what to do."""
+        if len(self._sessions) >= self._limits.clients:
+            return f"{self._limits.clients} clients are connected", "close another station, or raise --max-clients"
+        if key is not None and sum(other == key for other, _ in self._sessions) >= SESSIONS_OF_KEY:
+            return f"{SESSIONS_OF_KEY} clients with this key are connected", "close one, or give each its own --keys"
+        return None
+
+    def _join(self, routing_id: bytes, key: str | None, lease: session.Lease, message: dict[str, Any]) -> Session:
+        name = _printable(message.get("client")) or routing_id.hex()
+        client = Session(name, key, lease, live_next=self._next_seq)
+        self._sessions[key, lease.session] = client
+        self._tell_news("client-joined", client=name)
+        return client
+
+    def _send_newest(self, client: Session) -> None:
+        newest = self._store.newest()
+        if newest is None or client.lease.run is not None or newest[0] < client.live_next:
+            return
+        seq, data = newest
+        if client.has_room(len(data), fill=False) and self._send(client, [self._header, data]):
+            client.sent_newest(seq, len(data))
 
     def _end(self, client: Session, reason: str) -> None:
-        if not client.ending:
-            client.ending = True
-            end = session.pack("end", sent=client.sent, next_seq=self._next_seq, reason=reason)
-            client.queue.append([end])
+        place = {"boot_id": self._boot_id, "next_seq": self._next_seq}
+        end = session.pack("end", sent=client.frames_sent, reason=reason, **place)
+        client.is_ended = self._send(client, [end])
 
-    def _push(self, identity: bytes, client: Session) -> None:
-        """Send as much of the queue as the socket takes now."""
-        while client.queue:
-            parts = client.queue[0]
-            failure = self._send(identity, parts)
-            if failure == zmq.EAGAIN:
-                return
-            if failure is not None:
-                self._forget(identity, "the connection broke")
-                return
-            client.queue.popleft()
-            if len(parts) > 1:
-                client.queued_bytes -= len(parts[-1])
-        self._tell_dropped(client)
-        if client.ending:
-            self._forget(identity, "its session ended")
+    def _send(self, client: Session, parts: list[bytes]) -> bool:
+        """False = not now."""
+        if client.connection is None:
+            return False
+        failure = self._router.send(client.connection, parts)
+        if failure not in (None, zmq.EAGAIN):
+            client.broke()
+        return failure is None
 
-    def _tell_dropped(self, client: Session) -> None:
-        """One event when the queue is empty again: how many frames a slow client missed."""
-        if client.dropped:
-            lost, client.dropped = client.dropped, 0
-            self._on_event(event("frames-dropped", self._now_ns(), "link", count=lost, client=client.client))
+    def _reply(self, routing_id: bytes, kind: str, **fields: Any) -> None:
+        self._router.send(routing_id, [session.pack(kind, **fields)])
 
-    def _reply(self, identity: bytes, header: bytes) -> None:
-        if self._send(identity, [header]) not in (None, zmq.EAGAIN):
-            self._forget(identity, "the connection broke")
-
-    def _send(self, identity: bytes, parts: list[bytes]) -> int | None:
-        """None = taken; else the error number. Completes at once: NOBLOCK."""
-        future = cast("asyncio.Future[None]", self._socket.send_multipart([identity, *parts], flags=zmq.NOBLOCK))
-        error = future.exception()
-        return error.errno if isinstance(error, zmq.ZMQError) else None
-
-    def _forget(self, identity: bytes, reason: str) -> None:
-        client = self._sessions.pop(identity, None)
+    def _forget(self, key: tuple[str | None, str], reason: str) -> None:
+        client = self._sessions.pop(key, None)
         if client is not None:
-            self._tell_dropped(client)
-            self._on_event(event("client-left", self._now_ns(), "link", client=client.client, reason=reason))
+            self._tell_news("client-left", client=client.name, reason=reason)
+
+    def _tell_news(self, code: str, **evidence: str) -> None:
+        if self._news.allows(boottime_ns()):
+            self._tell(event(code, self._now_ns(), "link", **evidence))
+
+    def _start_command(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
+        request = {"id": session.command_id(message)}
+        name, argument = _printable(message.get("name")), message.get("argument") or ""
+        if not isinstance(argument, str):
+            raise CodecError("argument must be a text")
+        if self._command is None or "command" not in (self._rights(key) or ()):
+            cure = "pair again with the right: wayfix-onboard pair --command"
+            self._reply(routing_id, "error", what="this station's key may read, not command", cure=cure, **request)
+            who = "anybody" if key is None else fingerprint(key)
+            self._tell_news("command-refused", command=name, client=who)
+            return
+        pace = self._command_paces.setdefault(key, Pace(COMMANDS_AT_ONCE, COMMANDS_PER_S))
+        if not pace.allows(boottime_ns()):
+            self._reply(routing_id, "error", what="too many commands", cure="wait a second", **request)
+            return
+
+        async def work(command: Command) -> None:
+            try:
+                text = await command(name, argument[: session.MAX_ARGUMENT], key or "anybody")
+            except WayfixError as error:
+                self._reply(routing_id, "error", what=error.what, cure=error.cure, **request)
+            else:
+                self._reply(routing_id, "done", text=text, **request)
+
+        task = asyncio.ensure_future(work(self._command))
+        self._commands.add(task)
+        task.add_done_callback(self._commands.discard)
 
 
-def _hold(client: Session, data: bytes) -> None:
-    client.held.append(data)
-    client.held_bytes += len(data)
-    while client.held_bytes > QUEUE_BYTES:
-        client.held_bytes -= len(client.held.popleft())
-        client.dropped += 1
-
-
-def run_fault(message: dict[str, Any], frame_period_ns: int) -> str | None:
-    """Why a `run` request cannot be granted, or None."""
-    m, period_s = message.get("m"), message.get("period_s")
-    if m is not None and (isinstance(m, bool) or not isinstance(m, int) or not 1 <= m <= session.MAX_RUN_FRAMES):
-        return f"m must be a whole number from 1 to {session.MAX_RUN_FRAMES}, got {reprlib.repr(m)}"
-    if period_s is None:
-        return None
-    if isinstance(period_s, bool) or not isinstance(period_s, int | float):
-        return f"period_s must be a number, got {reprlib.repr(period_s)}"
-    if not session.MIN_PERIOD_S <= period_s <= session.MAX_PERIOD_S:
-        return f"period_s must be from {session.MIN_PERIOD_S:g} to {session.MAX_PERIOD_S:g} s, got {period_s:g}"
-    if round(period_s * NS_PER_S) % frame_period_ns:
-        return f"period_s must be a multiple of the board's frame period, {frame_period_ns / NS_PER_S:g} s"
-    return None
+def _printable(text: object) -> str:
+    """For events: 32 characters of it; nothing of what is no text."""
+    return "".join(filter(str.isprintable, text))[:32] if isinstance(text, str) else ""

@@ -24,7 +24,10 @@ from typing import Any, Final
 from common.clock import boottime_ns
 from common.codec import decode_frame
 from common.errors import LinkError, WayfixError
-from shore.link import Link
+from common.key_list import Entry, with_entry
+from common.keys import new_keys, write_own
+from common.session import MAX_WINDOW
+from shore.link import Link, LinkKeys
 from shore.live import LiveRun, Options, StopFlag, Tally
 from shore.logbook.read import read_log
 from shore.replay.run import logged_config
@@ -168,8 +171,8 @@ class Demo:
         directory = self._directory()
         with self._stop.on_signals():
             try:
-                ready, bind = self._start(directory)
-                tally, log_path = self._live(bind, directory)
+                ready, link = self._start(directory)
+                tally, log_path = self._live(link, directory)
             except (Stopped, LinkError):
                 if self._stop():
                     return None
@@ -197,7 +200,7 @@ class Demo:
             raise WayfixError(f"cannot be used ({error.strerror})", str(self.options.log_dir), cure) from error
         return self.options.log_dir
 
-    def _start(self, directory: Path) -> tuple[dict[str, Any], str]:
+    def _start(self, directory: Path) -> tuple[dict[str, Any], Link]:
         clock = ["--clock-rate", f"{self.options.speed:g}", "--clock-start", str(boottime_ns()), "--until-stdin-closes"]
         source = ["--scenario", self.options.scenario]
         if self.options.recording is not None:
@@ -214,15 +217,17 @@ class Demo:
         ]
         self._virtual = Child("virtual boat", ["virtual", *source, *length, *place, *clock, "--hold"])
         ready = self._virtual.expect("ready", READY_S, self._stop)
-        self._daemon = Child("daemon", ["run", ready["config"], *clock])
-        bind = self._daemon.expect("ready", READY_S, self._stop)["bind"]
-        return ready, str(bind)
+        state, keys = Path(ready["config"]).with_name("state"), new_keys()
+        _allow(state, keys.public)
+        self._daemon = Child("daemon", ["run", ready["config"], "--state", str(state), *clock])
+        daemon = self._daemon.expect("ready", READY_S, self._stop)
+        boat = LinkKeys(keys.public, keys.secret, daemon["public_key"].encode("ascii"))
+        return ready, Link(daemon["bind"], client="demo", keys=boat, window=MAX_WINDOW)
 
-    def _live(self, bind: str, directory: Path) -> tuple[Tally, Path]:
+    def _live(self, link: Link, directory: Path) -> tuple[Tally, Path]:
         assert self._virtual is not None
-        link = Link(bind, client="demo")
         try:
-            options = Options(filters=self.options.filters, log_dir=directory)
+            options = Options(filters=self.options.filters, log_dir=directory, until_end=True)
             say = (lambda _line: None) if self.options.headless else self._say
             live = LiveRun(link, options, self._supervise, say)
             self._virtual.tell("go")
@@ -276,6 +281,13 @@ class Demo:
         except OSError as error:
             self._say(f"no picture: {picture} cannot be written ({error.strerror})")
         return summary
+
+
+def _allow(state: Path, public_key: bytes) -> None:
+    """The demo's station is on the list of the demo's board from the start."""
+    state.mkdir(mode=0o700)
+    entry = Entry(public_key.decode("ascii"), "read", "demo")
+    write_own(state / "allowed-keys", with_entry("", entry).encode("ascii"))
 
 
 def _new_directory(parent: Path) -> Path:

@@ -1,40 +1,71 @@
 """The station's end of the link: one DEALER socket (`common.session`, docs/protocol.md); no other file ashore has one.
 
-First form: when the board falls silent the socket is thrown away and the session begun again; frames sent meanwhile are
-lost and counted (the spool and leases come with the link's next form).
+The link keeps its lease alive while it is asked for messages, and throws its socket away when the board is silent: the
+next lease, over whatever connection, carries all the board has to know.
 """
 
 import re
+import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
 import zmq
+from zmq.utils.monitor import parse_monitor_message
 
 from common import session
 from common.clock import boottime_ns
 from common.errors import CodecError, LinkError, WayfixError
 from common.messages import SCHEMA_VERSION
-from common.units import NS_PER_S
+from common.offset import ClockOffset
+from common.session import BoundedRun, FrameRange, Lease
+from common.units import NS_PER_MS, NS_PER_S
 
 DEFAULT_PORT: Final = 5760
 CONNECT_TIMEOUT_S: Final = 5.0
-SILENCE_S: Final = 3.0
-"""No frame for this long on a running session (and two periods more): the link counts as lost."""
-REQUIRED: Final = ("boot_id", "next_seq", "config")
+WATCHDOG_NS: Final = 1_500 * NS_PER_MS
+"""Nothing heard for this long, not even the answer to a lease: the socket is thrown away."""
+LOST_S: Final = 3.0
+"""... and after this long a person is told."""
+RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
+URGENT_NS: Final = 100 * NS_PER_MS
+HELLO_NS: Final = 500 * NS_PER_MS
+REQUIRED: Final = ("boot_id", "next_seq", "config", "runs")
 """What a station cannot do without in `connected`."""
 MAX_MESSAGE_BYTES: Final = 2 * 2**20
+_REFUSED: Final = zmq.EVENT_HANDSHAKE_FAILED_AUTH
+_WATCHED: Final = _REFUSED | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 
 _ADDRESS = re.compile(r"(?:tcp://)?(?P<host>\[[0-9a-fA-F:.%\w]+\]|[\w.-]+)(?::(?P<port>\d{1,5}))?")
 
 
 @dataclass(frozen=True, slots=True)
+class LinkKeys:
+    """CURVE keys in Z85: the station's own pair and the boat's public key."""
+
+    public: bytes
+    secret: bytes
+    boat: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Wants:
+    """What the next lease asks for: missing frames beside the newest ones, or a bounded run."""
+
+    missing: tuple[FrameRange, ...] = ()
+    run: BoundedRun | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Received:
-    """One message of a running session: a frame's bytes, or the end."""
+    """One message of a running session; all but one of the fields are None."""
 
     frame: bytes | None = None
-    k: int = 0
     end: dict[str, Any] | None = None
+    connected: dict[str, Any] | None = None
+    """The board greets anew: its daemon was restarted."""
+    gone: list[FrameRange] | None = None
+    """Frames that the board does not hold any more."""
 
 
 def endpoint(address: str) -> str:
@@ -49,101 +80,213 @@ def endpoint(address: str) -> str:
 class Link:
     """One session with one board. Blocking calls with time-outs; use it from one thread."""
 
-    def __init__(self, address: str, client: str = "station") -> None:
+    def __init__(
+        self,
+        address: str,
+        client: str = "station",
+        keys: LinkKeys | None = None,
+        window: int = session.WINDOW_BYTES,
+    ) -> None:
+        """keys: None = an open board; window: bytes of frames on their way at once."""
         self.endpoint = endpoint(address)
+        self.wants: Callable[[], Wants] = Wants
+        """Asked for each lease."""
+        self.is_urgent = False
+        """A lease is worth sending before its time: a hole was found."""
+        self.offset = ClockOffset()
+        """Of the board's clock to ours, for display."""
         self._client = client
+        self._keys = keys
+        self._window = window
+        self._session = secrets.token_hex(8)
         self._context = zmq.Context()
         self._socket: zmq.Socket[bytes] | None = None
-        self._run: dict[str, Any] = {}
-        self._last_frame_ns = boottime_ns()
-        self._silence_s = SILENCE_S
+        self._monitor: zmq.Socket[bytes] | None = None
+        self._boot_id = ""
+        self._received_bytes = 0
+        self._told_bytes = 0
+        self._renewed_ns = 0
+        self._opened_ns = self._heard_ns = boottime_ns()
 
     def connect(
         self, timeout_s: float = CONNECT_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
     ) -> dict[str, Any]:
         """Say hello, return the `connected` map; raises LinkError when nobody answers in time or the board refuses."""
         self._new_socket()
-        self._send("hello", schema=SCHEMA_VERSION, client=self._client)
         deadline_ns = boottime_ns() + int(timeout_s * NS_PER_S)
-        while boottime_ns() < deadline_ns and not stopped():
-            parts = self._receive_parts(0.1)
+        hello_ns = 0
+        while (now_ns := boottime_ns()) < deadline_ns and not stopped():
+            if now_ns - hello_ns > HELLO_NS and self._send(
+                "hello", schema=SCHEMA_VERSION, link=session.LINK_VERSION, client=self._client, session=self._session
+            ):
+                hello_ns = now_ns
+            parts = self._receive_parts(0.05)
+            self._raise_if_refused()
             if parts is None:
                 continue
-            message = session.unpack(parts[0])
+            message = session.unpack(parts[0], MAX_MESSAGE_BYTES)
             if message["type"] == "connected":
-                fault = session.schema_fault(message.get("schema"))
-                if fault is not None:
-                    raise LinkError(fault, self.endpoint, "install the same version on both sides")
-                if missing := [name for name in REQUIRED if name not in message]:
-                    cure = "install the same version on both sides"
-                    raise LinkError(f"the greeting lacks {', '.join(missing)}", self.endpoint, cure)
-                return message
+                return self._greeted(message)
             if message["type"] == "error":
                 raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
         cure = "check the address, the Wi-Fi and that wayfix-onboard runs there"
+        if self._keys is not None:
+            cure += "; if the boat's keys were made anew, pair again (wayfix pair)"
         raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
 
-    def run(self, m: int | None = None, period_s: float | None = None) -> None:
-        """Ask for m frames of period_s each, or (None) for all frames until the end."""
-        self._run = {name: value for name, value in (("m", m), ("period_s", period_s)) if value is not None}
-        self._silence_s = SILENCE_S + 2 * (period_s or 0.0)
-        self._last_frame_ns = boottime_ns()
-        self._send("run", **self._run)
+    def command(self, name: str, argument: str = "", timeout_s: float = CONNECT_TIMEOUT_S) -> str:
+        """Ask the board to do something, after `connect`: its answer in words. Raises LinkError."""
+        number = secrets.randbits(31) + 1
+        self._send("command", id=number, name=name, argument=argument)
+        deadline_ns = boottime_ns() + int(timeout_s * NS_PER_S)
+        while boottime_ns() < deadline_ns:
+            self._raise_if_refused()
+            parts = self._receive_parts(0.05)
+            message = {} if parts is None else session.unpack(parts[0], MAX_MESSAGE_BYTES)
+            if message.get("type") == "done" and message.get("id") == number:
+                return str(message.get("text"))
+            if message.get("type") == "error":
+                raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
+        cure = "look whether it was done (wayfix boat status), then ask again"
+        raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
+
+    def renew(self) -> None:
+        """Send a lease now: frames come from here on."""
+        self._renewed_ns = 0
+        self._renew_if_due(boottime_ns())
 
     def receive(self, timeout_s: float) -> Received | None:
-        """The next frame or the end; None when nothing came. Raises LinkError when the board refuses the run."""
-        parts = self._receive_parts(timeout_s)
+        """The next message, the lease renewed when it is due; None when nothing came. Raises LinkError when refused."""
+        now_ns = boottime_ns()
+        if now_ns - max(self._heard_ns, self._opened_ns) > WATCHDOG_NS:
+            self._new_socket()
+        due_ns = self._renew_if_due(now_ns)
+        parts = self._receive_parts(min(timeout_s, max(0.0, (due_ns - now_ns) / NS_PER_S)))
         if parts is None:
+            self._raise_if_refused()
             return None
-        message = session.unpack(parts[0])
-        if message["type"] == "frame" and len(parts) == 2:
-            self._last_frame_ns = boottime_ns()
-            return Received(frame=parts[1], k=int(message.get("k") or 0))
-        if message["type"] == "end":
+        self._heard_ns = boottime_ns()
+        message = session.unpack(parts[0], MAX_MESSAGE_BYTES)
+        kind = message["type"]
+        if kind == "frame" and len(parts) == 2:
+            self._received_bytes += len(parts[1])
+            return Received(frame=parts[1])
+        if kind == "alive":
+            return self._alive(message)
+        if kind == "end":
             return Received(end=message)
-        if message["type"] == "error":
+        if kind == "connected":
+            return Received(connected=self._greeted(message))
+        if kind == "error":
             raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
-        if message["type"] == "connected":
-            return None  # the late answer to an earlier greeting
-        raise CodecError(f"unexpected {message['type']} message")
+        raise CodecError(f"unexpected {kind} message")
+
+    def move_to(self, address: str) -> None:
+        """The boat has another address now; the session goes on there. Raises WayfixError."""
+        self.endpoint = endpoint(address)
+        self._new_socket()
 
     def silent_s(self) -> float | None:
-        """Seconds without a frame once that is too long, else None."""
-        age_s = (boottime_ns() - self._last_frame_ns) / NS_PER_S
-        return age_s if age_s > self._silence_s else None
+        """Seconds without a word from the board once that is too long, else None."""
+        age_s = (boottime_ns() - self._heard_ns) / NS_PER_S
+        return age_s if age_s > LOST_S else None
 
     def close(self) -> None:
         """Say goodbye and close; safe to call twice."""
         if self._socket is not None:
-            self._send("bye")
-            self._socket.close(linger=200)
-            self._socket = None
+            self._send("bye", session=self._session)
+            self._close_socket(linger_ms=200)
         self._context.term()
 
+    def _greeted(self, message: dict[str, Any]) -> dict[str, Any]:
+        fault = session.version_fault(message)
+        if fault is not None:
+            raise LinkError(fault, self.endpoint)
+        if missing := [name for name in REQUIRED if name not in message]:
+            cure = "install the same version on both sides"
+            raise LinkError(f"the greeting lacks {', '.join(missing)}", self.endpoint, cure)
+        if self._boot_id != str(message["boot_id"]):
+            self.offset = ClockOffset()
+        self._boot_id = str(message["boot_id"])
+        self._heard_ns = boottime_ns()
+        return message
+
+    def _alive(self, message: dict[str, Any]) -> Received | None:
+        match message:
+            case {"echo_ns": int(echo_ns), "rx_ns": int(rx_ns), "tx_ns": int(tx_ns)}:
+                self.offset.add(echo_ns, rx_ns, tx_ns, self._heard_ns)
+        gone = session.frame_ranges(message.get("gone") or [])
+        return Received(gone=gone) if gone else None
+
+    def _renew_if_due(self, now_ns: int) -> int:
+        """Returns when the next lease is due."""
+        wait_ns = URGENT_NS if self.is_urgent else RENEW_NS
+        half_window = self._received_bytes - self._told_bytes >= self._window // 2
+        if now_ns < self._renewed_ns + wait_ns and not half_window:
+            return self._renewed_ns + wait_ns
+        wants = self.wants()
+        lease = Lease(
+            self._session, self._boot_id, self._window, self._received_bytes, now_ns, wants.missing, wants.run
+        )
+        if self._send("lease", client=self._client, **lease.as_fields()):
+            self._renewed_ns, self._told_bytes, self.is_urgent = now_ns, self._received_bytes, False
+            return now_ns + RENEW_NS
+        return now_ns + URGENT_NS
+
     def _new_socket(self) -> None:
-        if self._socket is not None:
-            self._socket.close(linger=0)
+        self._close_socket(linger_ms=0)
         self._socket = self._context.socket(zmq.DEALER)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.setsockopt(zmq.IPV6, int("[" in self.endpoint))
-        self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
-        self._socket.setsockopt(zmq.CONNECT_TIMEOUT, 1_000)
-        self._socket.setsockopt(zmq.RECONNECT_IVL, 200)
-        self._socket.setsockopt(zmq.RECONNECT_IVL_MAX, 2_000)
-        self._socket.setsockopt(zmq.HEARTBEAT_IVL, session.HEARTBEAT_MS)
-        self._socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS)
+        for option, value in (
+            (zmq.LINGER, 0),
+            (zmq.IMMEDIATE, 1),  # nothing is queued for a board that is not there: an old lease is of no use
+            (zmq.IPV6, int("[" in self.endpoint)),
+            (zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES),
+            (zmq.CONNECT_TIMEOUT, 1_000),
+            (zmq.RECONNECT_IVL, 200),
+            (zmq.HEARTBEAT_IVL, session.HEARTBEAT_MS),
+            (zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS),
+        ):
+            self._socket.setsockopt(option, value)
+        if self._keys is not None:
+            self._socket.setsockopt(zmq.CURVE_SERVERKEY, self._keys.boat)
+            self._socket.setsockopt(zmq.CURVE_PUBLICKEY, self._keys.public)
+            self._socket.setsockopt(zmq.CURVE_SECRETKEY, self._keys.secret)
+        self._monitor = self._socket.get_monitor_socket(_WATCHED)
+        self._opened_ns, self._renewed_ns = boottime_ns(), 0
         try:
             self._socket.connect(self.endpoint)
         except zmq.ZMQError as error:
             cure = "give HOST or HOST:PORT, like 10.0.0.1:5760"
             raise LinkError(f"not an address ({zmq.strerror(error.errno or 0)})", self.endpoint, cure) from error
 
-    def _send(self, kind: str, **fields: Any) -> None:
+    def _close_socket(self, linger_ms: int) -> None:
+        if self._socket is not None:
+            self._socket.disable_monitor()
+            if self._monitor is not None:
+                self._monitor.close(linger=0)
+            self._socket.close(linger=linger_ms)
+            self._socket = self._monitor = None
+
+    def _raise_if_refused(self) -> None:
+        assert self._monitor is not None
+        while self._monitor.poll(0):
+            kind = parse_monitor_message(self._monitor.recv_multipart())["event"]
+            if kind == _REFUSED:
+                cure = "pair: wayfix-onboard pair on the board, then wayfix pair here"
+                raise LinkError("the boat does not know this station's key", self.endpoint, cure)
+            if self._keys is None:
+                cure = "pair with it (wayfix pair), or start the daemon with --open"
+                raise LinkError("the boat wants a key and this station gave none", self.endpoint, cure)
+            cure = "is it a Wayfix daemon with keys? if its keys were made anew, pair again (wayfix pair)"
+            raise LinkError("the boat did not take our greeting", self.endpoint, cure)
+
+    def _send(self, kind: str, **fields: Any) -> bool:
         assert self._socket is not None
         try:
             self._socket.send(session.pack(kind, **fields), zmq.NOBLOCK)
-        except zmq.Again:  # nobody there: `connect` and the silence watch tell it
-            return
+        except zmq.Again:  # nobody there: `connect` and the watchdog tell it
+            return False
+        return True
 
     def _receive_parts(self, timeout_s: float) -> list[bytes] | None:
         assert self._socket is not None

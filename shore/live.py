@@ -11,23 +11,24 @@ from typing import Any
 
 from common.clock import boottime_ns
 from common.codec import decode_frame
-from common.errors import CodecError, LinkError, WayfixError
+from common.errors import CodecError, WayfixError
 from common.events import event, line_of
-from common.messages import Event, Frame
+from common.messages import Event
 from common.sensors import BoatConfig
+from common.session import BoundedRun
 from common.settings import convert
-from common.units import NS_PER_S
-from shore.link import Link, Received
+from common.units import NS_PER_MS, NS_PER_S
+from shore.cursor import Cursor
+from shore.ledger import Ledger
+from shore.link import Link, Received, Wants, endpoint
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
+from shore.meeting import Seeker
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Pipeline
 from shore.status import StatusLine
 
 log = logging.getLogger(__name__)
-
-RETRY_S = 2.0
-"""How long one greeting is waited for while the link is lost; status and log go on in between."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,8 @@ class Options:
     log_dir: Path | None = None
     trip: dict[str, Any] | None = None
     """What a person calls it (`trip_record`)."""
+    until_end: bool = False
+    """The run is over when the daemon stops (a demo); else the station waits for it to come back."""
 
 
 @dataclass(slots=True)
@@ -49,6 +52,9 @@ class Tally:
 
     received: int = 0
     missing: int = 0
+    """Asked for and not here, or not held by the boat any more."""
+    repeated: int = 0
+    """Came once more and were left out."""
     bad: int = 0
     sent: int | None = None
     """As the board's `end` says; None = no end was received."""
@@ -94,6 +100,11 @@ class Recorder:
             self._writer = LogWriter(directory, boat_id, time.time_ns())
             self.path = self._writer.path
 
+    @property
+    def log_time_ns(self) -> int:
+        """Of the newest record; 0 without a log."""
+        return 0 if self._writer is None else self._writer.log_time_ns
+
     def write(self, action: Callable[[LogWriter], None]) -> None:
         """Do something with the writer, while there is one."""
         if self._writer is None:
@@ -120,20 +131,39 @@ class Recorder:
 class LiveRun:
     """One station session from `connected` to its end. `say` prints a line for the person at the terminal."""
 
-    def __init__(self, link: Link, options: Options, stopped: Callable[[], bool], say: Callable[[str], None]) -> None:
-        """Connects at once; raises LinkError or WayfixError (unknown filter, log directory)."""
+    def __init__(
+        self,
+        link: Link,
+        options: Options,
+        stopped: Callable[[], bool],
+        say: Callable[[str], None],
+        seeker: Seeker | None = None,
+    ) -> None:
+        """Connects at once; raises LinkError or WayfixError (unknown filter, log directory).
+
+        seeker: is asked for another address while the link is lost.
+        """
         self.tally = Tally()
         self._link = link
         self._options = options
         self._stopped = stopped
         self._say = say
-        self._adopt(link.connect(stopped=stopped))
-        self._next_seq: int = self.connected["next_seq"]
-        self._boot_id = self.connected["boot_id"]
+        self._seeker = seeker
+        connected = link.connect(stopped=stopped)
+        if options.frames is None:
+            link.renew()  # what is made while the filters are built comes in its order
+        self._adopt(connected)
+        is_kept = options.log_dir is not None and options.frames is None
+        self._cursor = Cursor(options.log_dir, self.config.boat.id, say) if is_kept and options.log_dir else None
+        self._ledger = self._cursor.ledger if self._cursor is not None else Ledger()
         self._recorder = Recorder(options.log_dir, self.config.boat.id, say)
         self._lost_since_ns: int | None = None
-        self.broken = False
-        """A bounded run ended because the link broke."""
+        self._is_filling = False
+        self._is_over = False
+        self._next = (str(self.connected["boot_id"]), int(self.connected["next_seq"]))
+        """The next frame of a bounded run."""
+        link.wants = self._wants
+        self._greet()
 
     def _adopt(self, connected: dict[str, Any]) -> None:
         """Take the board's facts from its greeting; filters begin anew."""
@@ -141,6 +171,17 @@ class LiveRun:
         self.config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
         self._pipeline = Pipeline(self.config, self._options.filters, self._options.step_s)
         self._status = StatusLine(self.config, self._options.filters[0])
+
+    def _greet(self) -> None:
+        """Learn from the greeting which frames there are."""
+        runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self.connected["runs"]]
+        self._ledger.greet(str(self.connected["boot_id"]), int(self.connected["next_seq"]), runs)
+
+    def _wants(self) -> Wants:
+        """What the link's next lease asks for."""
+        if self._options.frames is None:
+            return Wants(missing=self._ledger.missing())
+        return Wants(run=BoundedRun(self._options.frames, self.tally.received, *self._next, self._options.period_s))
 
     @property
     def log_path(self) -> Path | None:
@@ -156,28 +197,34 @@ class LiveRun:
         """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
         next_second_ns = boottime_ns() + NS_PER_S
         try:
-            self._write_session()
-            if (trip := self._options.trip) is not None:
-                self._recorder.write(lambda writer: writer.write_session(trip, time.time_ns()))
-            for sensor in self.connected.get("sensors", []):
-                reason = f": {sensor['reason']}" if sensor.get("reason") else ""
-                self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
-            self._link.run(self._options.frames, self._options.period_s)
-            while not self._stopped() and not self.broken:
+            self._begin()
+            while not self._stopped() and not self._is_over:
                 received = self._receive()
-                if received is not None and received.end is not None:
-                    self._ended(received.end)
-                    break
-                if received is not None and received.frame is not None:
-                    self._take(received.frame)
+                if received is not None:
+                    self._handle(received)
                 if boottime_ns() >= next_second_ns:
                     next_second_ns = max(next_second_ns + NS_PER_S, boottime_ns())
                     self._each_second()
         finally:
+            self.tally.missing = self._ledger.missing_count + self._ledger.gone_count
             end = {"kind": "end", **self._summary()}
             self._recorder.write(lambda writer: writer.write_session(end, time.time_ns()))
+            self._keep()
             self._recorder.close()
+            if self._cursor is not None:
+                self._cursor.close()
         return self.tally
+
+    def _begin(self) -> None:
+        self._write_session()
+        self._keep()
+        if (trip := self._options.trip) is not None:
+            self._recorder.write(lambda writer: writer.write_session(trip, time.time_ns()))
+        for sensor in self.connected.get("sensors", []):
+            reason = f": {sensor['reason']}" if sensor.get("reason") else ""
+            self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
+        if waiting := self._ledger.missing_count:
+            self._say(f"{waiting} frames of before are fetched")
 
     def _receive(self) -> Received | None:
         try:
@@ -187,6 +234,17 @@ class LiveRun:
             log.warning("message not understood: %s", error)
             return None
 
+    def _handle(self, received: Received) -> None:
+        if received.frame is not None:
+            self._take(received.frame)
+        elif received.connected is not None:
+            self._greeted_anew(received.connected)
+        elif received.end is not None:
+            self._ended(received.end)
+        for item in received.gone or ():
+            if count := self._ledger.is_gone(item):
+                self._happened(event("frames-gone", self._status.t_ns, "link", count=count, seq=item.first))
+
     def _take(self, data: bytes) -> None:
         now_ns = time.time_ns()
         try:
@@ -195,10 +253,18 @@ class LiveRun:
             self.tally.bad += 1
             log.warning("frame not understood: %s", error)
             return
+        first_seq = frame.seq if frame.first_seq is None else frame.first_seq
+        if not self._ledger.take(frame.boot_id, first_seq, frame.seq):
+            self.tally.repeated += 1
+            return
+        self._link.is_urgent = self._link.is_urgent or self._ledger.has_hole
         self.tally.received += 1
+        self._next = frame.boot_id, frame.seq + 1
         self._recorder.write(lambda writer: writer.write_frame(data, frame, now_ns))
-        for happening in self._gap_events(frame):
-            self._happened(happening, now_ns)
+        if self._lost_since_ns is not None:
+            age_s = round((boottime_ns() - self._lost_since_ns) / NS_PER_S, 1)
+            self._lost_since_ns = None
+            self._happened(event("link-restored", frame.t1_ns, "link", age_s=age_s), now_ns)
         output = self._pipeline.push(frame)
         for estimate in output.estimates:
             self._write_estimate(estimate, now_ns)
@@ -206,62 +272,66 @@ class LiveRun:
             self._happened(happening, now_ns)
         self._status.take(frame, output)
 
-    def _gap_events(self, frame: Frame) -> Iterator[Event]:
-        first_seq = frame.seq if frame.first_seq is None else frame.first_seq
-        if frame.boot_id != self._boot_id:
-            self._boot_id = frame.boot_id
-            self._next_seq = 0  # what a new start of the board sent before we found it again
-        if first_seq > self._next_seq and self._options.frames is None:
-            count = first_seq - self._next_seq
-            self.tally.missing += count
-            yield event("frames-missing", frame.t1_ns, "link", count=count, seq=first_seq)
-        self._next_seq = frame.seq + 1
-        if self._lost_since_ns is not None:
-            age_s = round((boottime_ns() - self._lost_since_ns) / NS_PER_S, 1)
-            self._lost_since_ns = None
-            yield event("link-restored", frame.t1_ns, "link", age_s=age_s)
+    def _greeted_anew(self, connected: dict[str, Any]) -> None:
+        """The daemon was started again."""
+        if connected["config"] == self.connected["config"]:
+            self.connected = connected
+        else:
+            self._adopt(connected)
+            self._write_session()
+            self._happened(event("config-changed", self._status.t_ns, "link"))
+        self._greet()
 
-    def _happened(self, happening: Event, now_ns: int) -> None:
-        self._recorder.write(lambda writer: writer.write_event(happening, now_ns))
+    def _happened(self, happening: Event, now_ns: int | None = None) -> None:
+        at_ns = time.time_ns() if now_ns is None else now_ns
+        self._recorder.write(lambda writer: writer.write_event(happening, at_ns))
         if happening.level != "debug":
             self._say(f"{happening.level}: {line_of(happening)}")
 
     def _each_second(self) -> None:
         self._recorder.write(LogWriter.sync)
+        self._keep()
         silent_s = self._link.silent_s()
         if silent_s is None:
+            self._tell_filled()
             self._say(self._counted())
             return
         if self._lost_since_ns is None:
             self._lost_since_ns = boottime_ns() - int(silent_s * NS_PER_S)
-            lost = event("link-lost", self._status.t_ns, "link", age_s=round(silent_s, 1))
-            self._happened(lost, time.time_ns())
-            # A bounded run cannot be carried on without the board's spool: frames would be missing.
-            self.broken = self._options.frames is not None
-        if not self.broken:
-            lost_s = (boottime_ns() - self._lost_since_ns) / NS_PER_S
-            self._say(f"LINK LOST for {lost_s:.0f} s, trying again | before: {self._counted()}")
-            self._begin_again()
+            self._is_filling = True
+            self._happened(event("link-lost", self._status.t_ns, "link", age_s=round(silent_s, 1)))
+        lost_s = (boottime_ns() - self._lost_since_ns) / NS_PER_S
+        self._say(f"LINK LOST for {lost_s:.0f} s, trying again | before: {self._counted()}")
+        address = None if self._seeker is None else self._seeker.ask()
+        if address is not None and endpoint(address) != self._link.endpoint:
+            self._say(f"the boat is at {address} now")
+            self._link.move_to(address)
+
+    def _tell_filled(self) -> None:
+        """Once after a loss of the link: nothing is missing any more."""
+        if self._is_filling and self._lost_since_ns is None and self._ledger.missing_count == 0:
+            self._is_filling = False
+            self._happened(event("gaps-filled", self._status.t_ns, "link", count=self.tally.received))
+
+    def _keep(self) -> None:
+        """The log is on the disk: so may the cursor say. One that cannot be written costs frames sent twice."""
+        if self._cursor is not None and self._recorder.path is not None and self._recorder.fault is None:
+            with suppress(OSError):
+                self._cursor.save(self._recorder.path, self._recorder.log_time_ns)
 
     def _counted(self) -> str:
-        return self._status.text(self.tally.received, self.tally.missing)
-
-    def _begin_again(self) -> None:
-        """Throw the socket away and greet anew; a restarted board or a new address is found like this."""
-        with suppress(LinkError, CodecError):
-            connected = self._link.connect(RETRY_S, self._stopped)
-            if connected["config"] != self.connected["config"]:
-                self._adopt(connected)
-                self._write_session()
-                self._happened(event("config-changed", self._status.t_ns, "link"), time.time_ns())
-            self._link.run()
+        counts = self._status.text(self.tally.received, self._ledger.missing_count, self._ledger.gone_count)
+        offset = self._link.offset.at(boottime_ns())
+        return counts if offset is None else f"{counts} | round trip {2 * offset.bound_ns / NS_PER_MS:.0f} ms"
 
     def _ended(self, end: dict[str, Any]) -> None:
         self.tally.sent = int(end.get("sent") or 0)
         self.tally.end_reason = str(end.get("reason"))
+        self._ledger.exists(str(end.get("boot_id")), int(end.get("next_seq") or 0))
         self._recorder.write(lambda writer: writer.write_link({"kind": "end", **end}, time.time_ns()))
-        if self._options.frames is None:
-            self.tally.missing += max(0, int(end.get("next_seq") or 0) - self._next_seq)
+        self._is_over = self._options.until_end or self._options.frames is not None
+        if not self._is_over:
+            self._say(f"{self.tally.end_reason}; waiting for it to come back")
 
     def _write_estimate(self, estimate: Estimate, now_ns: int) -> None:
         self._recorder.write(lambda writer: writer.write_estimate(estimate.as_record(), now_ns))
@@ -279,7 +349,10 @@ class LiveRun:
 
     def _summary(self) -> dict[str, Any]:
         tally = self.tally
+        offset = self._link.offset.at(boottime_ns())
         return {
+            "clock_offset_ns": None if offset is None else offset.offset_ns,
+            "clock_bound_ns": None if offset is None else offset.bound_ns,
             "received": tally.received,
             "missing": tally.missing,
             "bad": tally.bad,

@@ -9,21 +9,21 @@ from pathlib import Path
 from typing import Any
 
 from common.command import number, run_command
-from common.errors import LinkError, WayfixError
-from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
+from common.errors import WayfixError
+from shore.boat_command import add_arguments as add_boat_arguments
+from shore.connect_command import add_arguments as add_connect_arguments
 from shore.lab.arguments import add_arguments as add_lab_arguments
 from shore.logbook.arguments import add_arguments as add_log_arguments
 from shore.logbook.exports.arguments import add_arguments as add_export_arguments
 from shore.logbook.imports.arguments import add_arguments as add_import_arguments
-from shore.logbook.trip_arguments import add_trip_arguments
+from shore.pair_command import add_arguments as add_pair_arguments
 from shore.replay.command import add_arguments as add_replay_arguments
-from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
+from shore.terminal import add_json, filters_named, finish, say
 
 # Five-by-five matrices get slower, and timings jump, when a linear algebra library starts threads for them.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
-DEFAULT_FILTERS = "fuzzy"
 DEMO_FILTERS = "fuzzy,fuzzy-thesis,ukf,kf"
 
 
@@ -38,13 +38,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="wayfix", description="Wayfix ashore.")
     parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_connect(commands)
+    _add(commands, "connect", "receive, filter and log a boat's frames", add_connect_arguments, _connect)
     _add(commands, "replay", "run a log through the filters again", add_replay_arguments, _replay)
     _add(commands, "log", "trips: list, look, check, mend, name", add_log_arguments, _log)
     _add(commands, "import", "make a log of a recording", add_import_arguments, _import)
     _add(commands, "export", "a log as CSV, GPX, KML, GeoJSON, NMEA, MCAP, Parquet, PNG", add_export_arguments, _export)
     _add_demo(commands)
     _add(commands, "lab", "scenarios x filters x runs", add_lab_arguments, _lab)
+    _add(commands, "boat", "ask a boat's daemon: status, reopen, mark", add_boat_arguments, _boat)
+    _add(commands, "pair", "learn a boat's key, once", add_pair_arguments, _pair)
     return parser
 
 
@@ -53,30 +55,6 @@ def _add(commands: Any, name: str, words: str, add_arguments: Callable[[Any], No
     parser = commands.add_parser(name, help=words, description=run.__doc__)
     add_arguments(parser)
     parser.set_defaults(command=run)
-
-
-def _add_connect(commands: Any) -> None:
-    connect = commands.add_parser(
-        "connect", help="receive, filter and log a boat's frames", description=_connect.__doc__
-    )
-    connect.add_argument("address", help="HOST or HOST:PORT of the boat, like 10.0.0.1:5760")
-    connect.add_argument(
-        "--frames",
-        type=number(int, 1, MAX_RUN_FRAMES),
-        metavar="M",
-        help="receive exactly M frames, then end (the thesis' mode)",
-    )
-    connect.add_argument(
-        "--period",
-        type=number(float, MIN_PERIOD_S, MAX_PERIOD_S),
-        metavar="SECONDS",
-        help="length of a frame with --frames (default 1)",
-    )
-    connect.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
-    add_trip_arguments(connect)
-    add_filter_arguments(connect, DEFAULT_FILTERS)
-    add_json(connect)
-    connect.set_defaults(command=_connect)
 
 
 def _add_demo(commands: Any) -> None:
@@ -101,38 +79,10 @@ def _add_demo(commands: Any) -> None:
 
 
 def _connect(arguments: argparse.Namespace) -> int:
-    """Join a boat, filter and log its frames until Ctrl-C, the board's end, or M frames. Exit code 1 = fewer than M."""
-    from shore.link import Link
-    from shore.live import LiveRun, Options, StopFlag
-    from shore.logbook.session import trip_record
+    """Join a boat, filter and log its frames until Ctrl-C, or M frames. Exit code 1 = fewer than M."""
+    from shore.connect_command import run
 
-    if arguments.period is not None and arguments.frames is None:
-        raise WayfixError("--period needs --frames", cure="give --frames M too, or leave --period out")
-    period_s = 1.0 if arguments.frames is not None and arguments.period is None else arguments.period
-    filters = filters_named(arguments.filters)
-    trip = trip_record(arguments.name, arguments.place, arguments.note)
-    if trip is not None and arguments.log is None:
-        raise WayfixError("a name, place or note is kept in a log", "--name", "give --log DIR too")
-    options = Options(filters, arguments.frames, period_s, arguments.step, arguments.log, trip)
-    link = Link(arguments.address)
-    with StopFlag().on_signals() as stop:
-        try:
-            live = LiveRun(link, options, stop, say)
-            tally = live.run()
-        except LinkError:
-            if stop():  # Ctrl-C while nobody had answered yet
-                return 0
-            raise
-        finally:
-            link.close()
-    counts = {"received": tally.received, "missing": tally.missing}
-    finish(arguments, {"frames": counts, "log": str(live.log_path) if live.log_path else None})
-    if tally.end_reason is not None:
-        say(f"the boat ended the session after {tally.sent} frames: {tally.end_reason}")
-    if options.frames is not None and tally.received < options.frames and not stop():
-        say(f"only {tally.received} of {options.frames} frames were received")
-        return 1
-    return 0
+    return run(arguments)
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -196,6 +146,20 @@ def _import(arguments: argparse.Namespace) -> int:
 def _export(arguments: argparse.Namespace) -> int:
     """Write the track of a log, with its events, for other programs."""
     from shore.logbook.exports.command import run
+
+    return run(arguments)
+
+
+def _pair(arguments: argparse.Namespace) -> int:
+    """Pair with a boat by the code that `wayfix-onboard pair` shows on it."""
+    from shore.pair_command import run
+
+    return run(arguments)
+
+
+def _boat(arguments: argparse.Namespace) -> int:
+    """Ask a boat's daemon for something; it is an event in every log. Needs the right `command` (docs/security.md)."""
+    from shore.boat_command import run
 
     return run(arguments)
 

@@ -3,7 +3,6 @@
 The same frames in the same order give the same estimates, bit for bit.
 """
 
-from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +12,7 @@ from common.errors import WayfixError
 from common.events import event
 from common.messages import Event, Frame
 from common.sensors import BoatConfig
+from common.seqset import SeqSet
 from common.units import NS_PER_S
 from shore.navigation.alignment import Alignment, before_start
 from shore.navigation.bank import Bank, Batch, Moment
@@ -40,26 +40,6 @@ class Output:
     """What the first filter lacks before its estimates are valid, empty = nothing; `None` = not the newest frame."""
 
 
-class SeenFrames:
-    """Which sequence numbers of one daemon start have arrived, as ranges [start, stop)."""
-
-    def __init__(self) -> None:
-        self._starts: list[int] = []
-        self._stops: list[int] = []
-
-    def add(self, first: int, last: int) -> bool:
-        """Take in first..last; False when all of them were known."""
-        index = bisect_right(self._starts, first)
-        if index and self._stops[index - 1] > last:
-            return False
-        low = index - 1 if index and self._stops[index - 1] >= first else index
-        high = bisect_right(self._starts, last + 1)
-        start = min([first, *self._starts[low:high]])
-        stop = max([last + 1, *self._stops[low:high]])
-        self._starts[low:high], self._stops[low:high] = [start], [stop]
-        return True
-
-
 class Pipeline:
     """The filters of one boat; the first of `filters` drives targets and outputs.
 
@@ -77,7 +57,7 @@ class Pipeline:
         self._run = self._new_run()
         self._clock: tuple[str, int] | None = None
         """(clock_id, start_no) of the newest daemon start."""
-        self._seen: dict[str, SeenFrames] = {}
+        self._seen: dict[str, SeqSet] = {}
         """By boot_id."""
 
     def push(self, frame: Frame) -> Output:
@@ -93,7 +73,7 @@ class Pipeline:
             self._run.tell("daemon-restarted", frame.t0_ns, "filter")
         self._clock = frame.clock_id, max(frame.start_no, start_no)
         first = frame.seq if frame.first_seq is None else frame.first_seq
-        is_new = self._seen.setdefault(frame.boot_id, SeenFrames()).add(first, frame.seq)
+        is_new = self._seen.setdefault(frame.boot_id, SeqSet()).add(first, frame.seq)
         output = self._run.push(frame) if is_new else Output()
         if self._run.far_fixes >= FAR_FIXES:
             self._run = self._new_run()

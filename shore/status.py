@@ -50,9 +50,12 @@ class StatusLine:
         self._estimate = next((item for item in output.estimates if item.filter == self._filter), self._estimate)
         self._waiting = self._waiting if output.waiting is None else output.waiting
 
-    def text(self, received: int, missing: int) -> str:
-        """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age)."""
-        counts = f"{received} frames, {missing} missing"
+    def text(self, received: int, missing: int, gone: int = 0) -> str:
+        """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age).
+
+        missing: still to come; gone: not held by the boat any more.
+        """
+        counts = f"{received} frames, {missing} missing" + (f", {gone} lost" if gone else "")
         return f"{self._estimate_text()} | {self._fix_text()} | {self._heading_text()} | {counts}"
 
     def _estimate_text(self) -> str:

@@ -77,6 +77,11 @@ class LogWriter:
         """Boat time of the newest position of each filter."""
         self._guarded(lambda: self._writer.start(profile="", library="wayfix"))
 
+    @property
+    def log_time_ns(self) -> int:
+        """Of the newest record."""
+        return self._log_time
+
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:
         """A frame's bytes, unchanged; `frame` is the same, decoded. Its fixes once more as Foxglove draws them."""
         self._add(FRAMES, data, t_ns, frame.t1_ns, frame.seq % 2**32)

@@ -8,12 +8,12 @@ from typing import Any, Final, Self
 
 from common.events import line_of
 from common.messages import Event, Frame
+from common.seqset import SeqSet
 from shore.logbook.foxglove import event_of
 from shore.logbook.read import LogRecord
 from shore.logbook.record import LogWriter
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
-from shore.pipeline import SeenFrames
 from shore.replay.run import Played, Replay, Start
 from shore.status import StatusLine
 
@@ -24,7 +24,7 @@ class Missing:
     """Frames between the first and the newest of each start of the daemon that have not come."""
 
     def __init__(self) -> None:
-        self._seen: dict[str, SeenFrames] = {}
+        self._seen: dict[str, SeqSet] = {}
         self._first: dict[str, int] = {}
         self._last: dict[str, int] = {}
         self._came: dict[str, int] = {}
@@ -33,7 +33,7 @@ class Missing:
         """One frame, in any order."""
         boot_id, last = frame.boot_id, frame.seq
         first = last if frame.first_seq is None else frame.first_seq
-        if self._seen.setdefault(boot_id, SeenFrames()).add(first, last):
+        if self._seen.setdefault(boot_id, SeqSet()).add(first, last):
             self._came[boot_id] = self._came.get(boot_id, 0) + last - first + 1
         self._first[boot_id] = min(first, self._first.get(boot_id, first))
         self._last[boot_id] = max(last, self._last.get(boot_id, last))

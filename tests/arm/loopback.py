@@ -29,7 +29,9 @@ import zmq
 
 from common import session
 from common.codec import decode_frame, encode_frame
+from common.keys import KeyPair, new_keys
 from common.messages import SCHEMA_VERSION, Fix, Frame
+from onboard.access import Access
 
 APP = Path("/mnt/app")
 BITS = {"armhf": 32, "arm64": 64}
@@ -147,7 +149,8 @@ class Device:
 class Daemon:
     """The console script, run by this interpreter; the log goes to a file."""
 
-    def __init__(self, directory: Path, config: str) -> None:
+    def __init__(self, directory: Path, config: str, station: KeyPair) -> None:
+        Access(directory).add(station.public.decode(), "arm", frozenset({"read"}))
         (directory / "boat.toml").write_text(config, encoding="utf-8")
         script, config_file = str(APP / "bin/wayfix-onboard"), str(directory / "boat.toml")
         command = [sys.executable, script, "run", config_file, "--state", str(directory)]
@@ -155,12 +158,12 @@ class Daemon:
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
 
-    def ready(self) -> str:
-        """Where it listens."""
+    def ready(self) -> dict[str, Any]:
+        """Where it listens, and its public key."""
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
         assert line, f"the daemon ended with {self.process.wait()} before it was ready"
-        return str(json.loads(line)["ready"]["bind"])
+        return dict(json.loads(line)["ready"])
 
     def cpu_s(self) -> float:
         fields = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
@@ -172,27 +175,38 @@ class Daemon:
 
 
 class Client:
-    """A session of exactly FRAMES frames."""
+    """A session of exactly FRAMES frames, with keys."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, ready: dict[str, Any], keys: KeyPair) -> None:
         self.socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
         self.socket.setsockopt(zmq.LINGER, 0)
-        self.socket.connect(address)
+        self.socket.setsockopt(zmq.CURVE_SERVERKEY, ready["public_key"].encode())
+        self.socket.setsockopt(zmq.CURVE_PUBLICKEY, keys.public)
+        self.socket.setsockopt(zmq.CURVE_SECRETKEY, keys.secret)
+        self.socket.connect(ready["bind"])
         self.frames: list[Frame] = []
         self.versions: dict[str, str] = {}
+        self._received = 0
+        self._renewed_s = 0.0
 
     def run(self) -> None:
-        self.socket.send(session.pack("hello", schema=SCHEMA_VERSION, client="arm"))
+        hello = session.pack("hello", schema=SCHEMA_VERSION, link=session.LINK_VERSION, client="arm")
+        self.socket.send(hello)
         head, _ = self._next(PATIENCE_MS)
         assert head is not None, "no answer to hello"
         assert head["type"] == "connected", head
         self.versions = head["versions"]
-        self.socket.send(session.pack("run", m=FRAMES))
+        self._boot_id, self._seq = head["boot_id"], head["next_seq"]
 
     def take(self) -> bool:
         """Take what comes within 10 ms; False = the session is over."""
+        if time.monotonic() - self._renewed_s > 0.25:
+            self._renewed_s = time.monotonic()
+            run = session.BoundedRun(FRAMES, len(self.frames), self._boot_id, self._seq, None)
+            lease = session.Lease("a", self._boot_id, session.MAX_WINDOW, self._received, 0, (), run)
+            self.socket.send(session.pack("lease", **lease.as_fields()))
         head, data = self._next(10)
-        if head is None:
+        if head is None or head["type"] == "alive":
             return True
         if head["type"] == "end":
             assert head["sent"] == FRAMES, head
@@ -202,13 +216,14 @@ class Client:
         frame = decode_frame(data[0])
         assert encode_frame(frame) == data[0], "decoded and encoded again, a frame has other bytes"
         self.frames.append(frame)
+        self._received, self._seq = self._received + len(data[0]), frame.seq + 1
         return True
 
     def _next(self, wait_ms: int) -> tuple[dict[str, Any] | None, list[bytes]]:
         if not self.socket.poll(wait_ms):
             return None, []
         head, *data = self.socket.recv_multipart()
-        return session.unpack(head), data
+        return session.unpack(head, 2**20), data
 
 
 def talk(daemon: Daemon, client: Client, devices: list[Device]) -> float:
@@ -251,9 +266,10 @@ def check(frames: list[Frame]) -> str:
 
 def loopback(directory: Path) -> str:
     devices = [Device("gps", "nmea", 5), Device("compass", "nmea", 10), Device("imu", "arduimu", 20)]
-    daemon = Daemon(directory, CONFIG + "".join(device.config for device in devices))
+    keys = new_keys()
+    daemon = Daemon(directory, CONFIG + "".join(device.config for device in devices), keys)
     try:
-        client = Client(daemon.ready())
+        client = Client(daemon.ready(), keys)
         cpu_s = talk(daemon, client, devices)
         counts = check(client.frames)
         code = daemon.stop()

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -12,86 +12,128 @@ import zmq.asyncio
 from common import session
 from common.codec import decode_frame
 from common.errors import WayfixError
+from common.framer import Identity
 from common.messages import SCHEMA_VERSION, Event, Frame, RawLine
+from common.sensors import SpoolTable
+from common.session import LINK_VERSION, BoundedRun, FrameRange, Lease
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.server import Server, run_fault
+from onboard.router import Router
+from onboard.server import Limits, Server
+from onboard.spool import Spool
 
 PERIOD_NS = 100 * NS_PER_MS
+BOOT = "ab" * 8
 
 
-def frame(seq: int) -> Frame:
+def frame(seq: int, texts: int = 0) -> Frame:
     t0_ns = seq * PERIOD_NS
-    return Frame(boat_id="b", boot_id="0" * 16, seq=seq, clock_id="c", start_no=1, t0_ns=t0_ns, t1_ns=t0_ns + PERIOD_NS)
+    raw = tuple(RawLine(sensor="gps1", t_ns=t0_ns, text="$" + "x" * 400) for _ in range(texts))
+    return Frame(
+        boat_id="b", boot_id=BOOT, seq=seq, clock_id="c", start_no=1, t0_ns=t0_ns, t1_ns=t0_ns + PERIOD_NS, raw=raw
+    )
 
 
 class Client:
     """A raw DEALER: sees exactly what is on the wire."""
 
-    def __init__(self, context: "zmq.asyncio.Context", endpoint: str, options: dict[str, int]) -> None:
+    def __init__(self, context: "zmq.asyncio.Context", endpoint: str, name: str) -> None:
+        self.name = name
         self.socket = context.socket(zmq.DEALER)
-        for name, value in options.items():
-            self.socket.setsockopt(getattr(zmq, name), value)
         self.socket.connect(endpoint)
+        self.received = 0
+        self.window = session.WINDOW_BYTES
 
     async def say(self, kind: str, **fields: Any) -> None:
         await self.socket.send(session.pack(kind, **fields))
 
+    async def lease(self, *missing: FrameRange, run: BoundedRun | None = None, boot_id: str = BOOT) -> None:
+        lease = Lease(self.name, boot_id, self.window, self.received, 5, missing, run)
+        await self.say("lease", client=f"test {self.name}", **lease.as_fields())
+
     async def hear(self) -> tuple[dict[str, Any], bytes]:
         parts = await asyncio.wait_for(self.socket.recv_multipart(), 5)
-        return session.unpack(parts[0]), parts[1] if len(parts) > 1 else b""
+        data = parts[1] if len(parts) > 1 else b""
+        self.received += len(data)
+        return session.unpack(parts[0], 2**20), data
 
     async def expect(self, kind: str) -> dict[str, Any]:
         message, _ = await self.hear()
         assert message["type"] == kind, message
         return message
 
+    async def frames(self, count: int) -> list[Frame]:
+        found: list[Frame] = []
+        while len(found) < count:
+            message, data = await self.hear()
+            if message["type"] == "frame":
+                found.append(decode_frame(data))
+        return found
+
+    async def is_quiet(self) -> bool:
+        return not await self.socket.poll(100)
+
 
 class Bench:
     """Server and context of one test."""
 
-    def __init__(self) -> None:
+    def __init__(self, limits: Limits) -> None:
         self.events: list[Event] = []
         self.next_seq = 0
-        self.server = Server(lambda: {"next_seq": self.next_seq}, PERIOD_NS, self.events.append, lambda: 0)
+        self.rights: frozenset[str] | None = frozenset({"read", "command"})
+        self.asked: list[tuple[str, str]] = []
+        self._zmq: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self.spool = Spool(None, Identity("b", BOOT, "c", 1), SpoolTable(), self.events.append, lambda: 0)
+        self.server = Server(
+            Router(self._zmq, None),
+            self.spool,
+            connected=lambda: {"boot_id": BOOT, "next_seq": self.next_seq},
+            frame_period_ns=PERIOD_NS,
+            tell=self.events.append,
+            now_ns=lambda: 0,
+            rights=lambda _key: self.rights,
+            command=self._command,
+            limits=limits,
+        )
         self.endpoint = self.server.bind("tcp://127.0.0.1:*")
         self.context = zmq.asyncio.Context()
         self.clients: list[Client] = []
         self.task = asyncio.create_task(self.server.run())
+        self.publish(1)
 
-    def client(self, **options: int) -> Client:
-        self.clients.append(Client(self.context, self.endpoint, options))
+    async def _command(self, name: str, argument: str, _who: str) -> str:
+        self.asked.append((name, argument))
+        if name != "mark":
+            raise WayfixError(f"no command {name}", "", "use mark")
+        return "marked"
+
+    def client(self) -> Client:
+        self.clients.append(Client(self.context, self.endpoint, f"{len(self.clients):x}"))
         return self.clients[-1]
 
     async def joined(self) -> Client:
         client = self.client()
-        await client.say("hello", schema=SCHEMA_VERSION, client="test")
-        await client.expect("connected")
+        await client.lease()
+        await client.expect("alive")
         return client
 
-    async def settle(self) -> None:
-        """Until the server has read what was sent before: a stranger's refused word comes after it."""
-        stranger = self.client()
-        await stranger.say("run")
-        await stranger.expect("error")
-        await asyncio.sleep(0.05)  # sockets are read in turn, not in order of sending
-
-    def publish(self, count: int) -> None:
+    def publish(self, count: int, texts: int = 0) -> None:
         for _ in range(count):
-            self.server.publish(frame(self.next_seq))
+            self.server.publish(frame(self.next_seq, texts))
             self.next_seq += 1
 
     async def close(self) -> None:
         self.task.cancel()
         await asyncio.gather(self.task, return_exceptions=True)
         self.server.close()
+        self._zmq.term()
         for client in self.clients:
             client.socket.close(linger=0)
         self.context.term()
 
 
-def on_bench(test: Callable[[Bench], Any]) -> None:
+def on_bench(test: Callable[[Bench], Any], limits: Limits = Limits()) -> None:  # noqa: B008 - frozen
     async def run() -> None:
-        bench = Bench()
+        bench = Bench(limits)
         try:
             await test(bench)
         finally:
@@ -100,228 +142,271 @@ def on_bench(test: Callable[[Bench], Any]) -> None:
     asyncio.run(run())
 
 
-def test_a_continuous_run_has_every_frame_from_next_seq_on() -> None:
+def test_hello_is_answered_with_what_the_board_holds() -> None:
     async def run(bench: Bench) -> None:
-        bench.publish(3)
-        client = bench.client()
-        await client.say("hello", schema=SCHEMA_VERSION)
-        connected = await client.expect("connected")
-        bench.publish(4)  # between hello and run: held, not lost
-        await client.say("run")
-        await bench.settle()
         bench.publish(2)
-        seqs = [decode_frame((await client.hear())[1]).seq for _ in range(6)]
+        client = bench.client()
+        await client.say("hello", schema=SCHEMA_VERSION, link=LINK_VERSION)
+        connected = await client.expect("connected")
         assert connected["next_seq"] == 3
-        assert seqs == [3, 4, 5, 6, 7, 8]
-
-    on_bench(run)
-
-
-def test_run_m_gives_exactly_m_frames_of_one_period_each_then_end() -> None:
-    async def run(bench: Bench) -> None:
-        bench.publish(3)
-        client = await bench.joined()
-        await client.say("run", m=4, period_s=1)
-        await bench.settle()
-        bench.publish(80)
-        frames, ks = [], []
-        for _ in range(4):
-            message, data = await client.hear()
-            frames.append(decode_frame(data))
-            ks.append(message["k"])
-        end = await client.expect("end")
-        assert ks == [1, 2, 3, 4]
-        assert [item.t1_ns - item.t0_ns for item in frames] == [NS_PER_S] * 4
-        assert all(item.t0_ns % NS_PER_S == 0 for item in frames)
-        assert [item.first_seq for item in frames[1:]] == [item.seq + 1 for item in frames[:-1]]
-        assert end["sent"] == 4
-        await bench.settle()
-        assert [item.code for item in bench.events] == ["client-joined", "client-left"]
+        assert connected["runs"] == [[BOOT, 1, 0, 3]]
+        assert bench.server.clients == 0
 
     on_bench(run)
 
 
 @pytest.mark.parametrize(
-    ("request_fields", "part"),
+    ("greeting", "what"),
     [
-        ({"m": 0}, "m must be"),
-        ({"m": True}, "m must be"),
-        ({"m": "many"}, "m must be"),
-        ({"m": 5, "period_s": 0.01}, "period_s must be from"),
-        ({"m": 5, "period_s": float("nan")}, "period_s must be from"),
-        ({"m": 5, "period_s": 0.15}, "multiple"),
-        ({"m": 5, "period_s": "1"}, "must be a number"),
+        (
+            {"schema": SCHEMA_VERSION + 1, "link": LINK_VERSION},
+            "schema 2 there, 1 here: the other side is newer, install the same version on both",
+        ),
+        ({"schema": SCHEMA_VERSION}, "link 1 there, 2 here: this side is newer, install the same version on both"),
+        ({"schema": "1", "link": LINK_VERSION}, "the other side names no schema version"),
+        ({"link": LINK_VERSION}, "the other side names no schema version"),
     ],
 )
-def test_a_wrong_run_request_is_refused_with_the_reason(request_fields: dict[str, Any], part: str) -> None:
-    fault = run_fault(request_fields, PERIOD_NS)
-    assert fault is not None
-    assert part in fault
-
-
-def test_an_end_for_all_says_how_many_were_sent() -> None:
-    async def run(bench: Bench) -> None:
-        client = await bench.joined()
-        await client.say("run")
-        await bench.settle()
-        bench.publish(5)
-        bench.server.end_all("the daemon stops")
-        for _ in range(5):
-            await client.expect("frame")
-        end = await client.expect("end")
-        assert (end["sent"], end["next_seq"], end["reason"]) == (5, 5, "the daemon stops")
-
-    on_bench(run)
-
-
-def test_malformed_messages_are_counted_and_harm_nobody() -> None:
-    async def run(bench: Bench) -> None:
-        client = await bench.joined()
-        stranger = bench.client()
-        for data in (b"", b"\xff\x00", b"\x81", session.pack("frame"), b"\x93\x01\x02\x03"):
-            await stranger.socket.send(data)
-        await stranger.socket.send_multipart([b"a", b"b"])
-        await client.say("run")
-        await bench.settle()
-        bench.publish(1)
-        await client.expect("frame")
-        assert bench.server.malformed == 5
-
-    on_bench(run)
-
-
-def test_a_well_formed_but_hostile_request_is_refused_and_the_daemon_lives() -> None:
-    nested: list[Any] = []
-    for _ in range(400):
-        nested = [nested]
-
-    async def run(bench: Bench) -> None:
-        client = await bench.joined()
-        await client.say("run", m=nested)
-        assert "m must be a whole number" in (await client.expect("error"))["what"]
-        await client.say("run", period_s=nested)
-        assert "period_s must be a number" in (await client.expect("error"))["what"]
-        await client.say("hello", schema=SCHEMA_VERSION, client="a\nb\x1b[2J")
-        await client.expect("connected")
-        assert not bench.task.done()
-
-    on_bench(run)
-
-
-def test_a_frame_that_cannot_be_encoded_is_an_event_and_the_next_one_goes_out() -> None:
-    async def run(bench: Bench) -> None:
-        client = await bench.joined()
-        await client.say("run")
-        await bench.settle()
-        bench.server.publish(replace(frame(0), t0_ns=1))  # not whole microseconds
-        bench.server.publish(frame(1))
-        message, data = await client.hear()
-        assert (message["k"], decode_frame(data).seq) == (1, 1)
-        assert [item.code for item in bench.events] == ["client-joined", "frame-failed"]
-
-    on_bench(run)
-
-
-def test_another_schema_is_refused_with_a_sentence() -> None:
+def test_a_client_of_another_version_is_told_so(greeting: dict[str, Any], what: str) -> None:
     async def run(bench: Bench) -> None:
         client = bench.client()
-        await client.say("hello", schema=SCHEMA_VERSION + 1)
-        refusal = await client.expect("error")
-        assert "the other side is newer" in refusal["what"]
+        await client.say("hello", **greeting)
+        assert (await client.expect("error"))["what"] == what
 
     on_bench(run)
 
 
-def test_a_client_that_greets_and_asks_for_nothing_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("onboard.server.GREETING_NS", 0)
-
+def test_a_lease_is_answered_and_new_frames_come_at_once() -> None:
     async def run(bench: Bench) -> None:
-        for _ in range(3):
-            await bench.joined()
-        bench.publish(1)
-        assert bench.server._sessions == {}
-        assert [item.code for item in bench.events].count("client-left") == 3
-
-    on_bench(run)
-
-
-def test_a_second_run_counts_from_one_again() -> None:
-    async def run(bench: Bench) -> None:
-        client = await bench.joined()
-        await client.say("run")
-        await bench.settle()
+        client = bench.client()
+        await client.lease()
+        alive = await client.expect("alive")
+        assert alive["echo_ns"] == 5
+        assert alive["rx_ns"] <= alive["tx_ns"]
+        assert (alive["next_seq"], alive["gone"]) == (1, [])
         bench.publish(3)
-        await client.say("run", m=2)
-        await bench.settle()
-        bench.publish(2)
-        ks = [(await client.hear())[0]["k"] for _ in range(5)]
-        assert ks == [1, 2, 3, 1, 2]
-        assert (await client.expect("end"))["sent"] == 2
+        assert [item.seq for item in await client.frames(3)] == [1, 2, 3]
+        assert bench.events[0].text == "client test 0 joined"
 
     on_bench(run)
 
 
-def test_a_merged_frame_over_the_limits_ends_the_session_and_not_the_daemon() -> None:
+def test_missing_frames_come_oldest_first_and_lost_ones_are_told() -> None:
+    async def run(bench: Bench) -> None:
+        bench.publish(9)
+        client = await bench.joined()
+        await client.lease(FrameRange(BOOT, 2, 4), FrameRange(BOOT, 7, 8), FrameRange("cd" * 8, 3, 9))
+        alive = await client.expect("alive")
+        assert alive["gone"] == [["cd" * 8, 3, 9]]
+        assert [item.seq for item in await client.frames(5)] == [2, 3, 4, 7, 8]
+        await client.lease(FrameRange(BOOT, 2, 4))  # they came, but could not be stored: again
+        assert [item.seq for item in await client.frames(3)] == [2, 3, 4]
+
+    on_bench(run)
+
+
+def test_no_more_than_a_window_is_on_the_way_and_the_newest_goes_next() -> None:
     async def run(bench: Bench) -> None:
         client = await bench.joined()
-        await client.say("run", m=2, period_s=1)
-        await bench.settle()
-        lines = tuple(RawLine(sensor="gps1", t_ns=0, text="x" * 500) for _ in range(1000))
-        for seq in range(20):
-            bench.server.publish(replace(frame(seq), raw=lines))
-        assert "too large" in (await client.expect("end"))["reason"]
-        assert bench.server._sessions == {}
+        client.window = 4096
+        await client.lease()
+        await client.expect("alive")
+        bench.publish(20, texts=3)
+        await asyncio.sleep(0.05)
+        first = await client.frames(2)
+        assert [item.seq for item in first] == [1, 2]
+        while not await client.is_quiet():
+            await client.hear()
+        assert client.received <= 4096
+        await client.lease()
+        assert [item.seq for item in await client.frames(1)] == [20]
 
     on_bench(run)
 
 
-def test_run_before_hello_is_refused() -> None:
+def test_a_client_that_comes_back_over_another_connection_is_the_same_one() -> None:
+    async def run(bench: Bench) -> None:
+        first = await bench.joined()
+        bench.publish(3)  # on the way when the connection breaks
+        second = Client(bench.context, bench.endpoint, first.name)
+        bench.clients.append(second)
+        await second.lease(FrameRange(BOOT, 1, 3))
+        assert [item.seq for item in await second.frames(3)] == [1, 2, 3]
+        bench.publish(1)
+        assert [item.seq for item in await second.frames(1)] == [4]
+        assert bench.server.clients == 1
+        assert [item.code for item in bench.events] == ["client-joined"]
+
+    on_bench(run)
+
+
+def test_another_start_of_the_daemon_greets_anew() -> None:
     async def run(bench: Bench) -> None:
         client = bench.client()
-        await client.say("run")
-        refusal = await client.expect("error")
-        assert refusal["what"] == "no session"
-
-    on_bench(run)
-
-
-def test_a_client_that_stops_reading_costs_a_bounded_queue_and_is_told_of_its_loss(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("onboard.server.QUEUE_BYTES", 20_000)
-    monkeypatch.setattr("onboard.server.SEND_HIGH_WATER_MARK", 1)
-
-    async def run(bench: Bench) -> None:
-        client = bench.client(RCVHWM=1, RCVBUF=4096)
-        await client.say("hello", schema=SCHEMA_VERSION, client="slow")
+        await client.lease(boot_id="cd" * 8)
         await client.expect("connected")
-        await client.say("run")
-        await bench.settle()
-        for _ in range(100):  # far more than sockets and queue hold together
-            bench.publish(200)
-            await asyncio.sleep(0)
-        (waiting,) = bench.server._sessions.values()
-        assert 0 < waiting.queued_bytes <= 20_000
-        # What was told already, each time the queue ran empty, counts too.
-        told = [item.evidence for item in bench.events if item.code == "frames-dropped"]
-        assert waiting.dropped + sum(int(item["count"] or 0) for item in told) > 10_000
-        seqs = []
-        while waiting.queue:  # the client reads again
-            seqs.append(decode_frame((await client.hear())[1]).seq)
-            bench.publish(1)
-        assert seqs == sorted(set(seqs))
-        told = [item.evidence for item in bench.events if item.code == "frames-dropped"]
-        assert told
-        assert {item["client"] for item in told} == {"slow"}
+        await client.expect("alive")
 
     on_bench(run)
 
 
-def test_a_port_in_use_is_one_sentence() -> None:
+@pytest.mark.parametrize("period_s", [None, 1.0])
+def test_run_m_gives_exactly_m_frames_then_end(period_s: float | None) -> None:
     async def run(bench: Bench) -> None:
-        second = Server(dict, PERIOD_NS, lambda _event: None, lambda: 0)
-        with pytest.raises(WayfixError, match="cannot listen there") as caught:
-            second.bind(bench.endpoint)
-        assert bench.endpoint in str(caught.value)
+        client = bench.client()
+        await client.lease(run=BoundedRun(4, 0, BOOT, 1, period_s))
+        bench.publish(60)
+        frames = await client.frames(4)
+        length_ns = NS_PER_S if period_s else PERIOD_NS
+        assert [item.t1_ns - item.t0_ns for item in frames] == [length_ns] * 4
+        assert all(item.t0_ns % length_ns == 0 for item in frames)
+        assert all(after.t0_ns == before.t1_ns for before, after in pairwise(frames))
+        end = await client.expect("end")
+        assert (end["sent"], end["reason"]) == (4, "all frames sent")
+        await client.say("bye", session=client.name)
+
+    on_bench(run)
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ({"session": "x y"}, "session must be"),
+        ({"window": 10}, "window must be"),
+        ({"window": True}, "window must be"),
+        ({"received": -1}, "received must be"),
+        ({"missing": [["ab", 5, 4]]}, "last must be"),
+        ({"missing": [["ab", 5]]}, "a range must be"),
+        ({"missing": [["ab", 0, 1]] * 65}, "missing must be"),
+        ({"run": {"m": 0, "k": 0, "boot_id": "ab", "seq": 0}}, "m must be"),
+        ({"run": {"m": 2, "k": 0, "boot_id": "ab", "seq": 0, "period_s": 0.01}}, "period_s must be from"),
+        ({"run": {"m": 2, "k": 0, "boot_id": "ab", "seq": 0, "period_s": float("nan")}}, "period_s must be from"),
+        ({"run": {"m": 2, "k": 0, "boot_id": "ab", "seq": 0, "period_s": 0.25}}, "period_s must be a multiple"),
+        ({"run": {"m": 2, "k": 0, "boot_id": "ab", "seq": 0, "period_s": "1"}}, "period_s must be a number"),
+    ],
+)
+def test_a_lease_that_cannot_be_granted_is_answered_and_the_client_may_mend_it(
+    change: dict[str, Any], part: str
+) -> None:
+    async def run(bench: Bench) -> None:
+        client = bench.client()
+        await client.say("lease", **{**Lease("a", BOOT, 4096, 0, 0).as_fields(), **change})
+        assert (await client.expect("error"))["what"].startswith(part)
+        await client.lease()
+        await client.expect("alive")
+
+    on_bench(run)
+
+
+def test_one_client_too_many_is_refused_until_another_leaves() -> None:
+    async def run(bench: Bench) -> None:
+        first = await bench.joined()
+        second = bench.client()
+        await second.lease()
+        assert (await second.expect("error"))["what"] == "1 clients are connected"
+        await first.say("bye", session=first.name)
+        for _ in range(50):
+            await second.lease()
+            if (await second.hear())[0]["type"] == "alive":
+                break
+        assert bench.server.clients == 1
+
+    on_bench(run, Limits(clients=1))
+
+
+def test_a_silent_client_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def run(bench: Bench) -> None:
+        await bench.joined()
+        bench.publish(1)
+        assert bench.server.clients == 1
+        later_ns = 10**18
+        monkeypatch.setattr("onboard.server.boottime_ns", lambda: later_ns)
+        bench.publish(1)
+        assert bench.server.clients == 0
+        assert bench.events[-1].text == "client test 0 left: it was not heard of any more"
+
+    on_bench(run)
+
+
+def test_garbage_is_counted_and_harms_nobody() -> None:
+    async def run(bench: Bench) -> None:
+        client = bench.client()
+        for parts in ([b""], [b"\xc1"], [b"x" * 9000], [session.pack("lease")], [session.pack("hello"), b"more"]):
+            await client.socket.send_multipart(parts)
+            await client.expect("error")
+        await client.socket.send(session.pack("frame", boot_id=BOOT, seq=1))
+        await client.lease()
+        await client.expect("alive")
+        assert bench.server.malformed == 6
+
+    on_bench(run)
+
+
+def test_a_command_needs_its_right_and_is_answered() -> None:
+    async def run(bench: Bench) -> None:
+        client = bench.client()
+        await client.say("command", id=7, name="mark", argument="buoy")
+        assert await client.expect("done") == {"type": "done", "id": 7, "text": "marked"}
+        await client.say("command", id=8, name="sink")
+        assert (await client.expect("error"))["id"] == 8
+        bench.rights = frozenset({"read"})
+        await client.say("command", id=9, name="mark", argument="buoy")
+        assert "may read, not command" in (await client.expect("error"))["what"]
+        assert bench.asked == [("mark", "buoy"), ("sink", "")]
+        assert bench.events[-1].code == "command-refused"
+
+    on_bench(run)
+
+
+def test_a_key_that_was_removed_gets_no_frame_more() -> None:
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        bench.rights = None
+        bench.server.reload()
+        assert "not on the board's list" in (await client.expect("error"))["what"]
+        bench.publish(5)
+        await client.lease()
+        assert "not on the board's list" in (await client.expect("error"))["what"]
+        assert await client.is_quiet()
+        assert bench.server.clients == 0
+
+    on_bench(run)
+
+
+def test_a_client_whose_connection_is_gone_is_kept_for_its_lease() -> None:
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        client.socket.close(linger=0)
+        for _ in range(20):
+            bench.publish(1)
+            await asyncio.sleep(0.01)
+        assert bench.server.clients == 1
+
+    on_bench(run)
+
+
+def test_all_clients_together_are_filled_at_the_rate_that_is_allowed() -> None:
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        client.window = session.MAX_WINDOW
+        bench.publish(200, texts=4)
+        size = sum(len(data) for _, data in bench.spool.read(BOOT, 0, 200, 10**7).frames)
+        loop = asyncio.get_running_loop()
+        begun = loop.time()
+        await client.lease(FrameRange(BOOT, 0, 200))
+        seen: set[int] = set()
+        while len(seen) < 201:
+            seen.update(item.seq for item in await client.frames(1))
+        assert size / (loop.time() - begun) < 2.5 * 200_000  # a quarter of a second's worth is saved up
+
+    on_bench(run, Limits(fill_bytes_per_s=200_000))
+
+
+def test_a_socket_in_use_is_one_sentence() -> None:
+    async def run(bench: Bench) -> None:
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        with pytest.raises(WayfixError, match="cannot listen there"):
+            Router(context, None).bind(bench.endpoint)
+        context.term()
 
     on_bench(run)

@@ -15,7 +15,7 @@ from common.sensors import BoatTable
 from common.simulation.scenarios import scenario_voyage
 from shore.navigation.estimate import Estimate
 from shore.navigation.measurements import Position, Reader
-from shore.pipeline import Pipeline, SeenFrames
+from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, HOME, sail
 from tests.offline import config_of
 from tests.offline import frames_of as offline_frames
@@ -269,19 +269,6 @@ def test_an_empty_frame_is_a_frame() -> None:
     frame = Frame(boat_id="b", boot_id="b1", seq=0, clock_id="c", start_no=1, t0_ns=0, t1_ns=10**8)
     output = Pipeline(BOAT, ("fuzzy",)).push(frame)
     assert (output.estimates, output.events) == ((), ())
-
-
-def test_seen_frames_against_a_plain_set() -> None:
-    rng = np.random.default_rng(0)
-    seen = SeenFrames()
-    known: set[int] = set()
-    for _ in range(2000):
-        first = int(rng.integers(0, 200))
-        last = first + int(rng.integers(0, 4))
-        span = set(range(first, last + 1))
-        assert seen.add(first, last) == (not span <= known)
-        known |= span
-    assert len(seen._starts) == 1
 
 
 def test_a_wrong_first_fix_is_left_after_ten_good_ones() -> None:

@@ -78,7 +78,7 @@ def test_a_killed_daemon_is_told_by_the_next_one_and_a_stopped_one_is_not(
     config = compass_config(tmp_path, p="/dev/nowhere")
     gaps = []
     for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGTERM):
-        daemon = Process("wayfix-onboard", "run", config)
+        daemon = Process("wayfix-onboard", "run", "--open", config)
         try:
             ready = daemon.ready()
             daemon.wait_for(partial(mark_of, tmp_path / "alive", ready["boot_id"]))

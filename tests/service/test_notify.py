@@ -19,7 +19,6 @@ import zmq
 import onboard.ports
 from common import session
 from common.clock import BoatClock
-from common.messages import SCHEMA_VERSION
 from onboard.config import load
 from onboard.daemon import Daemon, status_text
 from onboard.notify import JournalHandler, Notifier, PrefixFormatter, in_journal, notifier, watchdog_ns
@@ -64,7 +63,7 @@ def test_a_real_daemon_tells_ready_status_watchdog_and_stopping_in_order(
 ) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
     monkeypatch.setenv("WATCHDOG_USEC", "400000")
-    daemon = Process("wayfix-onboard", "run", compass_config(tmp_path, nowhere="/dev/nowhere"))
+    daemon = Process("wayfix-onboard", "run", "--open", compass_config(tmp_path, nowhere="/dev/nowhere"))
     try:
         supervisor.until("READY=1")
         supervisor.until("STATUS=")
@@ -86,7 +85,7 @@ def test_a_refused_start_is_never_ready(
     tmp_path: Path, supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-    daemon = Process("wayfix-onboard", "run", tmp_path / "no.toml")
+    daemon = Process("wayfix-onboard", "run", "--open", tmp_path / "no.toml")
     assert daemon.finish() == 2
     assert supervisor.now() == []
 
@@ -228,15 +227,16 @@ def test_the_status_line(clients: int, expected: str) -> None:
 
 def test_the_status_counts_clients_that_come_and_go(tmp_path: Path, supervisor: Supervisor) -> None:
     environ = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify")}
-    line: list[str | Path] = [BIN / "wayfix-onboard", "run", compass_config(tmp_path, p="/dev/nowhere")]
+    line: list[str | Path] = [BIN / "wayfix-onboard", "run", "--open", compass_config(tmp_path, p="/dev/nowhere")]
     with subprocess.Popen(line, env=environ, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as daemon:
         assert daemon.stdout is not None
         address = daemon.stdout.readline().split('"bind": "')[1].split('"')[0]
         with zmq.Context() as context, context.socket(zmq.DEALER) as client:
             client.connect(address)
-            client.send(session.pack("hello", schema=SCHEMA_VERSION, client="t"))
+            lease = session.Lease("a1", "0", 4096, 0, 0)
+            client.send(session.pack("lease", **lease.as_fields()))
             supervisor.until("STATUS=boat b, 0 of 1 sensors deliver, 1 client")
-            client.send(session.pack("bye"))
+            client.send(session.pack("bye", session="a1"))
             supervisor.until("STATUS=boat b, 0 of 1 sensors deliver, 0 clients")
         daemon.terminate()
     assert daemon.returncode == 0
@@ -275,7 +275,7 @@ def test_only_the_journal_s_own_stream_is_the_journal(tmp_path: Path) -> None:
 
 
 def test_a_redirected_stderr_has_no_prefixes(tmp_path: Path) -> None:
-    line: list[str | Path] = [BIN / "wayfix-onboard", "run", tmp_path / "no.toml"]
+    line: list[str | Path] = [BIN / "wayfix-onboard", "run", "--open", tmp_path / "no.toml"]
     for stream, start in (("1:1", "wayfix-onboard: "), (None, "<3>wayfix-onboard: ")):
         with (tmp_path / "log").open("w+") as log:
             status = os.fstat(log.fileno())

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -30,8 +30,9 @@ def compass_config(directory: Path, bind: str = "tcp://127.0.0.1:*", **paths: st
 class Process:
     """A command of ours; stdout lines that are JSON objects and all stderr lines are kept."""
 
-    def __init__(self, *arguments: str | Path) -> None:
-        command = [str(BIN / str(arguments[0])), *map(str, arguments[1:])]
+    def __init__(self, *arguments: str | Path, inside: Sequence[str] = ()) -> None:
+        """inside: what is to run it, as `ip netns exec NAME`."""
+        command = [*inside, str(BIN / str(arguments[0])), *map(str, arguments[1:])]
         self.popen = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -113,8 +114,8 @@ class Boat:
     @contextmanager
     def restarted(self, config: str | Path) -> Iterator[Process]:
         """The daemon once more on the same address, after it was killed."""
-        clock = self.daemon.popen.args[3:]  # type: ignore[index]
-        second = Process("wayfix-onboard", "run", config, "--bind", self.address, *clock)
+        clock = self.daemon.popen.args[4:]  # type: ignore[index]
+        second = Process("wayfix-onboard", "run", "--open", config, "--bind", self.address, *clock)
         try:
             second.ready()
             yield second
@@ -125,7 +126,7 @@ class Boat:
 @contextmanager
 def station(address: str, *arguments: str | Path) -> Iterator[Process]:
     """`wayfix connect`; ended in any case."""
-    process = Process("wayfix", "connect", address, *arguments)
+    process = Process("wayfix", "connect", "--open", address, *arguments)
     try:
         yield process
     finally:
@@ -144,7 +145,7 @@ def boat(directory: Path, *, speed: float = 4.0, seconds: float = 600.0) -> Iter
         virtual = Process("wayfix-onboard", "virtual", "--scenario", "5.3", *length, *place, *clock)
         processes.append(virtual)
         ready = virtual.ready()
-        daemon = Process("wayfix-onboard", "run", ready["config"], *clock)
+        daemon = Process("wayfix-onboard", "run", "--open", ready["config"], *clock)
         processes.append(daemon)
         daemon.ready()
         yield Boat(virtual, daemon, ready)

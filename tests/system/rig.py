@@ -8,13 +8,14 @@ from functools import reduce
 from itertools import pairwise
 from operator import xor
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from common.codec import decode_frame
 from common.messages import Event, Frame, SensorHealth
+from common.session import MAX_WINDOW, BoundedRun
 from common.units import NS_PER_S
 from onboard.virtual.terminal import Terminal
-from shore.link import Link
+from shore.link import Link, Wants
 from tests.system.harness import Process, compass_config
 
 RESUME_S: Final = 6.0
@@ -61,7 +62,9 @@ class Device:
 class Rig:
     """A daemon, the devices on its ports, and a client that takes its frames: all in the thread of the test."""
 
-    def __init__(self, daemon: Process, devices: dict[str, Device], link: Link, clock_rate: float) -> None:
+    def __init__(
+        self, daemon: Process, devices: dict[str, Device], link: Link, connected: dict[str, Any], clock_rate: float
+    ) -> None:
         self.daemon = daemon
         self.devices = devices
         self.clock_rate = clock_rate
@@ -70,6 +73,12 @@ class Rig:
         self.headings: dict[str, list[float | None]] = {}
         self.health: dict[str, SensorHealth] = {}
         self._link = link
+        self._next = connected["boot_id"], connected["next_seq"]
+        link.wants = self._wants
+
+    def _wants(self) -> Wants:
+        """Every frame, in order."""
+        return Wants(run=BoundedRun(None, len(self.frames), *self._next, None))
 
     def step(self, pause_s: float = 0.004) -> None:
         for device in self.devices.values():
@@ -80,6 +89,7 @@ class Rig:
                 continue
             frame = decode_frame(received.frame)
             self.frames.append(frame)
+            self._next = frame.boot_id, frame.seq + 1
             self.events += frame.events
             for heading in frame.headings:
                 self.headings.setdefault(heading.sensor, []).append(heading.heading_mag_deg)
@@ -137,13 +147,12 @@ def rig(
             stack.callback(device.terminal.unplug)
         config = compass_config(directory, **{name: str(directory / name) for name in names})
         config.write_text(edit(config.read_text(encoding="utf-8")), encoding="utf-8")
-        daemon = Process(*command, "run", config, "--clock-rate", f"{clock_rate:g}")
+        daemon = Process(*command, "run", "--open", config, "--clock-rate", f"{clock_rate:g}")
         stack.callback(daemon.end)
-        link = Link(daemon.ready()["bind"])
+        link = Link(daemon.ready()["bind"], window=MAX_WINDOW)
         stack.callback(link.close)
-        link.connect()
-        link.run()
-        yield Rig(daemon, devices, link, clock_rate)
+        connected = link.connect()
+        yield Rig(daemon, devices, link, connected, clock_rate)
 
 
 def speaking(board: Rig) -> int:

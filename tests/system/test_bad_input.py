@@ -39,20 +39,29 @@ def refused(*arguments: str | Path) -> str:
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["wayfix", "connect", "not an address"], "not an address; give HOST or HOST:PORT"),
-        (["wayfix", "connect", "127.0.0.1:99999"], "give HOST or HOST:PORT"),
-        (["wayfix", "connect", "127.0.0.1:1"], "no answer within 5 s; check the address, the Wi-Fi"),
-        (["wayfix", "connect", "127.0.0.1", "--filters", "kalmann"], "unknown filter 'kalmann'; use one or more of"),
-        (["wayfix", "connect", "127.0.0.1", "--frames", "0"], "must be a whole number from 1 to 10000000, got '0'"),
-        (["wayfix", "connect", "127.0.0.1", "--frames", "ten"], "must be a whole number from 1 to 10000000, got 'ten'"),
-        (["wayfix", "connect", "127.0.0.1", "--step", "-1"], "must be a number from 0.05 to 60.0, got '-1'"),
-        (["wayfix", "connect", "127.0.0.1", "--period", "2"], "--period needs --frames"),
+        (["wayfix", "connect", "--open", "not an address"], "not an address; give HOST or HOST:PORT"),
+        (["wayfix", "connect", "--open", "127.0.0.1:99999"], "give HOST or HOST:PORT"),
+        (["wayfix", "connect", "--open", "127.0.0.1:1"], "no answer within 5 s; check the address, the Wi-Fi"),
+        (
+            ["wayfix", "connect", "--open", "127.0.0.1", "--filters", "kalmann"],
+            "unknown filter 'kalmann'; use one or more of",
+        ),
+        (
+            ["wayfix", "connect", "--open", "127.0.0.1", "--frames", "0"],
+            "must be a whole number from 1 to 10000000, got '0'",
+        ),
+        (
+            ["wayfix", "connect", "--open", "127.0.0.1", "--frames", "ten"],
+            "must be a whole number from 1 to 10000000, got 'ten'",
+        ),
+        (["wayfix", "connect", "--open", "127.0.0.1", "--step", "-1"], "must be a number from 0.05 to 60.0, got '-1'"),
+        (["wayfix", "connect", "--open", "127.0.0.1", "--period", "2"], "--period needs --frames"),
         (["wayfix", "replay", "/dev/none.mcap"], "/dev/none.mcap: cannot be read"),
         (["wayfix", "demo", "--scenario", "9.9"], "9.9"),
         (["wayfix", "demo", "--recording", "a.csv"], "--recording and --map go together"),
         (["wayfix", "demo", "--recording", "/dev/none.csv", "--map", "/dev/none.toml"], "/dev/none"),
         (["wayfix", "demo", "--speed", "0"], "must be a number from 0.1 to 100.0, got '0'"),
-        (["wayfix-onboard", "run", "/dev/none.toml"], "/dev/none.toml: cannot be read"),
+        (["wayfix-onboard", "run", "--open", "/dev/none.toml"], "/dev/none.toml: cannot be read"),
         (["wayfix-onboard", "virtual", "--scenario", "x"], "x"),
         (["wayfix-onboard", "check", "/dev/none.toml"], "cannot be read"),
     ],
@@ -74,7 +83,7 @@ def test_a_replay_of_something_else_is_refused(tmp_path: Path) -> None:
 def test_a_broken_configuration_names_every_key(tmp_path: Path) -> None:
     file = write_config(tmp_path)
     file.write_text(file.read_text() + "rate_hz = -1\nsigma = 3\n", encoding="utf-8")
-    done = command("wayfix-onboard", "run", file)
+    done = command("wayfix-onboard", "run", "--open", file)
     assert done.returncode == 2
     assert "compass1.rate_hz: must be >= 0.01, got -1" in done.stderr
     assert "compass1.sigma: unknown key, did you mean sigma_m?" in done.stderr
@@ -84,7 +93,7 @@ def test_a_broken_configuration_names_every_key(tmp_path: Path) -> None:
 def test_check_names_a_missing_a_busy_and_a_wrong_port(tmp_path: Path, serial_port: str) -> None:
     assert "p (/dev/none): no such device" in refused("wayfix-onboard", "check", write_config(tmp_path))
     assert command("wayfix-onboard", "check", write_config(tmp_path, serial_port)).returncode == 0
-    holder = Process("wayfix-onboard", "run", write_config(tmp_path, serial_port))
+    holder = Process("wayfix-onboard", "run", "--open", write_config(tmp_path, serial_port))
     try:
         holder.ready()
         assert "busy; another program holds it" in refused(
@@ -98,10 +107,10 @@ def test_check_names_a_missing_a_busy_and_a_wrong_port(tmp_path: Path, serial_po
 
 
 def test_the_daemon_lives_on_without_a_port_and_says_so_once(tmp_path: Path) -> None:
-    daemon = Process("wayfix-onboard", "run", write_config(tmp_path))
+    daemon = Process("wayfix-onboard", "run", "--open", write_config(tmp_path))
     try:
         address = daemon.ready()["bind"]
-        done = command("wayfix", "connect", address, "--frames", "2", "--period", "0.1")
+        done = command("wayfix", "connect", "--open", address, "--frames", "2", "--period", "0.1")
         assert done.returncode == 0
         assert "compass1 missing: no such device" in done.stderr
         assert sum("cannot be opened: no such device" in line for line in daemon.err) == 1
@@ -115,7 +124,7 @@ def test_a_socket_in_use_is_one_sentence(tmp_path: Path) -> None:
         taken.listen()
         port = taken.getsockname()[1]
         file = write_config(tmp_path, bind=f"tcp://127.0.0.1:{port}")
-        assert "cannot listen there (Address already in use)" in refused("wayfix-onboard", "run", file)
+        assert "cannot listen there (Address already in use)" in refused("wayfix-onboard", "run", "--open", file)
     for verb in ("run", "check"):
         file = write_config(tmp_path, bind="nonsense")
         assert "link.bind: must be tcp://ADDRESS:PORT" in refused("wayfix-onboard", verb, file)
@@ -130,7 +139,7 @@ def test_a_start_counter_that_cannot_be_kept_is_a_warning_and_the_boat_sails(tmp
         (state / "start_no").write_text("", encoding="ascii")
     else:
         state.write_text("", encoding="ascii")  # no directory, and none can be made there
-    daemon = Process("wayfix-onboard", "run", file, "--state", state)
+    daemon = Process("wayfix-onboard", "run", "--open", file, "--state", state)
     try:
         daemon.ready()
         daemon.wait_for_words("the start counter cannot be kept")
@@ -142,25 +151,25 @@ def test_a_start_counter_that_cannot_be_kept_is_a_warning_and_the_boat_sails(tmp
 
 def test_a_log_directory_that_cannot_be_written(tmp_path: Path) -> None:
     file = write_config(tmp_path)
-    daemon = Process("wayfix-onboard", "run", file)
+    daemon = Process("wayfix-onboard", "run", "--open", file)
     try:
         address = daemon.ready()["bind"]
-        assert "no log can be written here" in refused("wayfix", "connect", address, "--log", file / "log")
+        assert "no log can be written here" in refused("wayfix", "connect", "--open", address, "--log", file / "log")
         assert "cannot be used" in refused("wayfix", "demo", "--log", file / "log")
     finally:
         daemon.end()
 
 
 def test_a_fast_clock_is_for_pseudo_terminals_only(tmp_path: Path) -> None:
-    sentence = refused("wayfix-onboard", "run", write_config(tmp_path, "/dev/ttyS0"), "--clock-rate", "4")
+    sentence = refused("wayfix-onboard", "run", "--open", write_config(tmp_path, "/dev/ttyS0"), "--clock-rate", "4")
     assert "--clock-rate needs pseudo-terminals only" in sentence
 
 
 def test_a_bounded_run_that_the_board_refuses(tmp_path: Path) -> None:
-    daemon = Process("wayfix-onboard", "run", write_config(tmp_path))
+    daemon = Process("wayfix-onboard", "run", "--open", write_config(tmp_path))
     try:
         address = daemon.ready()["bind"]
-        sentence = refused("wayfix", "connect", address, "--frames", "2", "--period", "0.25")
+        sentence = refused("wayfix", "connect", "--open", address, "--frames", "2", "--period", "0.25")
         assert "period_s must be a multiple of the board's frame period, 0.1 s" in sentence
     finally:
         daemon.end()

@@ -23,7 +23,7 @@ def test_the_daemon_delivers_frames_with_numpy_blocked(tmp_path: Path) -> None:
     master, slave = pty.openpty()
     tty.setraw(slave)
     config = compass_config(tmp_path, p=os.ttyname(slave))
-    line = [sys.executable, "-c", PROGRAM, "run", str(config)]
+    line = [sys.executable, "-c", PROGRAM, "run", "--open", str(config)]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as daemon:
         try:
             assert daemon.stdout is not None
@@ -31,7 +31,7 @@ def test_the_daemon_delivers_frames_with_numpy_blocked(tmp_path: Path) -> None:
             assert ready.startswith('{"ready"'), daemon.communicate(timeout=5)
             address = ready.split('"bind": "')[1].split('"')[0]
             os.write(master, b"$HCHDG,123.4,,,,*46\r\n")
-            done = command("wayfix", "connect", address, "--frames", "5", "--period", "0.1")
+            done = command("wayfix", "connect", "--open", address, "--frames", "5", "--period", "0.1")
             assert done.returncode == 0, done.stderr
             assert "compass1 delivers" in done.stderr or "compass1 delivering" in done.stderr
         finally:

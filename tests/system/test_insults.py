@@ -131,7 +131,7 @@ def test_a_vanished_adapter_costs_an_idle_daemon_nothing(tmp_path: Path) -> None
             for terminal in terminals.values():
                 stack.callback(terminal.unplug)
             paths = {port: str(terminal.link) for port, terminal in terminals.items()}
-            daemon = Process("wayfix-onboard", "run", compass_config(tmp_path / name, **paths))
+            daemon = Process("wayfix-onboard", "run", "--open", compass_config(tmp_path / name, **paths))
             stack.callback(daemon.end)
             daemon.ready()
             daemons.append(daemon)
@@ -151,7 +151,7 @@ def test_a_port_that_another_program_holds_is_busy_and_opens_when_it_is_let_go(t
     terminal = Terminal(tmp_path / "one")
     holder = os.open(terminal.link, os.O_RDWR | os.O_NOCTTY)
     fcntl.flock(holder, fcntl.LOCK_EX)
-    daemon = Process("wayfix-onboard", "run", compass_config(tmp_path, one=str(terminal.link)))
+    daemon = Process("wayfix-onboard", "run", "--open", compass_config(tmp_path, one=str(terminal.link)))
     try:
         daemon.wait_for_words("one cannot be opened: busy; another program holds it")
         daemon.ready()
@@ -183,7 +183,7 @@ def test_another_user_cannot_open_a_port_that_the_daemon_holds(tmp_path: Path) -
     daemon = None
     try:
         assert as_nobody(number) == ""
-        daemon = Process("wayfix-onboard", "run", compass_config(tmp_path, one=str(port)))
+        daemon = Process("wayfix-onboard", "run", "--open", compass_config(tmp_path, one=str(port)))
         daemon.ready()
         daemon.wait_for_words("one open at")
         assert "Device or resource busy" in as_nobody(number)

@@ -12,6 +12,7 @@ from common.frames_file import FramesFile
 from common.geodesy import LocalPlane
 from common.messages import Frame, SensorHealth
 from common.sensors import BoatConfig
+from common.session import MAX_WINDOW
 from common.settings import convert as as_config
 from onboard.convert import convert
 from shore.link import Link
@@ -37,12 +38,11 @@ def played(source: Path, directory: Path) -> tuple[dict[str, Any], dict[str, Any
     daemon = None
     try:
         ready = player.ready()
-        daemon = Process("wayfix-onboard", "run", ready["config"], *clock)
-        link = Link(daemon.ready()["bind"])
+        daemon = Process("wayfix-onboard", "run", "--open", ready["config"], *clock)
+        link = Link(daemon.ready()["bind"], window=MAX_WINDOW)
         frames: list[Frame] = []
         try:
             link.connect()
-            link.run()
             player.tell("go")
             done: dict[str, Any] | None = None
             end = time.monotonic() + ready["seconds"] / RATE + 30

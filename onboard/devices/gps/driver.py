@@ -24,8 +24,6 @@ BURST_FORMATTERS: Final = frozenset({"GSV", "GST", "GBS", "GRS", "DTM", "TXT", "
 """Sentences of the same burst that are not decoded. They keep the epoch open: at 4800 baud a GSV group puts 0.45 s
 between the GGA and the RMC of one epoch."""
 
-PLAUSIBLE_UTC_NS: Final = (1_704_067_200 * NS_PER_S, 3_471_292_800 * NS_PER_S)
-"""2024-01-01 to 2080-01-01: older is a receiver's default date or a week rollover, and `80` is GPS's year 1980."""
 BUSY_NS: Final = 400 * NS_PER_MS
 """An epoch is complete after so long even where other devices leave the port no quiet."""
 _CLOCK_MODES: Final = frozenset({"A", "D", "F", "P", "R"})
@@ -129,6 +127,8 @@ class GpsDriver:
     def _clock_pair(self, epoch: Epoch, reading: Timed) -> tuple[ClockPair, ...]:
         """UTC beside the arrival of the epoch's first byte less the latency, from RMC status A or from ZDA.
 
+        Whatever the date is: `onboard.dates` judges it.
+
         Not the arrival of RMC itself: what stands before it in the burst, GSV groups above all, changes from second to
         second and would move the pair by up to 0.45 s at 4800 baud.
         """
@@ -137,7 +137,7 @@ class GpsDriver:
         if isinstance(reading, Rmc) and (not reading.status_valid or (reading.mode or "A") not in _CLOCK_MODES):
             return ()
         utc_ns = epoch.utc_ns
-        if reading.date is None or utc_ns is None or not PLAUSIBLE_UTC_NS[0] <= utc_ns < PLAUSIBLE_UTC_NS[1]:
+        if reading.date is None or utc_ns is None:
             return ()
         last_ns = self._rmc_paired_ns
         if isinstance(reading, Zda) and last_ns is not None and epoch.t_ns - last_ns < RMC_RULES_NS:

@@ -1,21 +1,20 @@
-"""A client: one hello to the daemon; prints the answer."""
+"""A station: pairs with the daemon when it has no key yet, says hello, prints the answer."""
 
 import json
-import sys
+from pathlib import Path
 
-import zmq
+from common.pairing import plain_code
+from onboard.control import ask
+from shore.boats import Boats
+from shore.link import Link
+from shore.pairing import pair
 
-from common import session
-from common.messages import SCHEMA_VERSION
+ADDRESS = "127.0.0.1:5760"
 
-context = zmq.Context()
-socket = context.socket(zmq.DEALER)
-socket.connect("tcp://127.0.0.1:5760")
-socket.send(session.pack("hello", schema=SCHEMA_VERSION, client="probe"))
-if not socket.poll(2000):
-    sys.exit("no answer to hello within 2 s")
-answer = session.unpack(socket.recv_multipart()[0])
-socket.send(session.pack("bye"))
-socket.close(linger=500)
-context.term()
-print(json.dumps(answer))
+boats = Boats(Path("/var/lib/probe"))
+if not boats.all():
+    opened = ask(Path("/run/wayfix"), "pair")
+    pair("127.0.0.1", opened["port"], plain_code(opened["code"]), boats, ADDRESS)
+link = Link(ADDRESS, client="probe", keys=boats.link_keys(boats.all()[0]))
+print(json.dumps(link.connect(2.0)))
+link.close()

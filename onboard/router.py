@@ -1,0 +1,122 @@
+"""The board's socket: one ROUTER, read in the daemon's loop; a send never waits."""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Final
+
+import zmq
+
+from common import session
+from common.errors import WayfixError
+
+log = logging.getLogger(__name__)
+
+SEND_HIGH_WATER_MARK: Final = 64
+SEND_BUFFER_BYTES: Final = 32_768
+"""Small, so that what waits for a slow client waits in the spool and not, unseen, in the kernel."""
+RECEIVE_HIGH_WATER_MARK: Final = 64
+LINGER_MS: Final = 500
+READ_AT_ONCE: Final = 64
+"""Messages in one turn of the loop."""
+PAUSE_S: Final = 0.01
+"""After a full turn: whoever floods the board gets 6,400 messages a second and no more of its time."""
+ZAP_DOMAIN: Final = "wayfix"
+
+Receive = Callable[[bytes, str | None, list[bytes]], None]
+"""(routing id, public key of the sender or None on an open board, parts)."""
+
+
+class Router:
+    """Owns socket and context."""
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], secret_key: bytes | None) -> None:
+        """secret_key: Z85; None = open, nothing encrypted and nobody asked."""
+        self._open = secret_key is None
+        self._socket = context.socket(zmq.ROUTER)
+        for option, value in (
+            (zmq.ROUTER_MANDATORY, 1),
+            (zmq.SNDHWM, SEND_HIGH_WATER_MARK),
+            (zmq.RCVHWM, RECEIVE_HIGH_WATER_MARK),
+            (zmq.SNDBUF, SEND_BUFFER_BYTES),
+            (zmq.MAXMSGSIZE, session.MAX_HEADER_BYTES),
+            (zmq.HEARTBEAT_IVL, session.HEARTBEAT_MS),
+            (zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS),
+            (zmq.HEARTBEAT_TTL, session.HEARTBEAT_TIMEOUT_MS),
+            (zmq.HANDSHAKE_IVL, session.HEARTBEAT_TIMEOUT_MS),
+            # Whoever keeps sending and never reads is cut off too: the heartbeat takes any word for a sign of life.
+            (zmq.TCP_MAXRT, session.HEARTBEAT_TIMEOUT_MS),
+        ):
+            self._socket.setsockopt(option, value)
+        if secret_key is not None:
+            self._socket.setsockopt_string(zmq.ZAP_DOMAIN, ZAP_DOMAIN)
+            self._socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without an authenticator nobody is let in
+            self._socket.setsockopt(zmq.CURVE_SERVER, 1)
+            self._socket.setsockopt(zmq.CURVE_SECRETKEY, secret_key)
+        self._receive: Receive | None = None
+        self._scheduled = False
+
+    def bind(self, address: str) -> str:
+        """Bind and return the endpoint in full (port `*` = any free one); raises WayfixError."""
+        self._socket.setsockopt(zmq.IPV6, int("[" in address))
+        try:
+            self._socket.bind(address)
+        except zmq.ZMQError as error:
+            self.close()
+            cure = "give tcp://ADDRESS:PORT of this machine with a free port ([link] bind, or --bind)"
+            raise WayfixError(f"cannot listen there ({zmq.strerror(error.errno or 0)})", address, cure) from error
+        return str(self._socket.getsockopt_string(zmq.LAST_ENDPOINT))
+
+    def start(self, receive: Receive) -> None:
+        """Hand every message to `receive` from now on; call in the running loop."""
+        self._receive = receive
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(self._socket.fileno(), self._schedule)
+        self._schedule()
+
+    def send(self, routing_id: bytes, parts: list[bytes]) -> int | None:
+        """None = taken; else the error number: EAGAIN = its queue is full, others = the connection is gone."""
+        try:
+            self._socket.send_multipart([routing_id, *parts], zmq.NOBLOCK)
+        except zmq.ZMQError as error:
+            return error.errno or zmq.EAGAIN
+        finally:
+            # The descriptor tells of a change once: a send may have swallowed the news of a message.
+            if (
+                self._receive is not None
+                and not self._scheduled
+                and int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN
+            ):
+                self._schedule()
+        return None
+
+    def close(self) -> None:
+        """What is on its way has half a second."""
+        if self._receive is not None:
+            self._loop.remove_reader(self._socket.fileno())
+            self._receive = None
+        self._socket.close(linger=LINGER_MS)
+
+    def _schedule(self, delay_s: float = 0.0) -> None:
+        if not self._scheduled:
+            self._scheduled = True
+            self._loop.call_later(delay_s, self._read)
+
+    def _read(self) -> None:
+        self._scheduled = False
+        if self._receive is None:
+            return
+        for _ in range(READ_AT_ONCE):
+            try:
+                parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
+            except zmq.Again:
+                return
+            if self._open:
+                user_id = None
+            else:  # the key is the connection's, as the authenticator let it in; no client can set it
+                try:
+                    user_id = str(parts[-1].get("User-Id"))
+                except zmq.ZMQError:
+                    continue
+            self._receive(parts[0].bytes, user_id, [part.bytes for part in parts[1:]])
+        self._schedule(PAUSE_S)

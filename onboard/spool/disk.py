@@ -1,0 +1,65 @@
+"""What the writer asks of the operating system; tests put trouble in here."""
+
+import fcntl
+import os
+from pathlib import Path
+
+from common.whole_file import sync_directory
+
+LOCK_NAME = "lock"
+
+
+class Disk:
+    """Thin calls; all raise OSError."""
+
+    def lock(self, directory: Path) -> int:
+        """Make the directory (0700) if need be and lock it for this process; the lock's descriptor.
+
+        Raises BlockingIOError when another process has it.
+        """
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if directory.stat().st_mode & 0o077:
+            directory.chmod(0o700)
+        descriptor = os.open(directory / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            raise
+        return descriptor
+
+    def create(self, path: Path) -> int:
+        """A new file, with its name durable."""
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        try:
+            sync_directory(path.parent)
+        except OSError:
+            os.close(descriptor)
+            raise
+        return descriptor
+
+    def write(self, descriptor: int, data: bytes | memoryview) -> int:
+        """How many bytes were taken."""
+        return os.write(descriptor, data)
+
+    def sync(self, descriptor: int) -> None:
+        """What was written is durable after this."""
+        os.fdatasync(descriptor)
+
+    def truncate(self, descriptor: int, size: int) -> None:
+        """Cut, and go on writing there."""
+        os.ftruncate(descriptor, size)
+        os.lseek(descriptor, size, os.SEEK_SET)
+
+    def close(self, descriptor: int) -> None:
+        """Give it back."""
+        os.close(descriptor)
+
+    def unlink(self, path: Path) -> None:
+        """Remove a file, if it is still there."""
+        path.unlink(missing_ok=True)
+
+    def free_bytes(self, directory: Path) -> int:
+        """Room for programs without special rights."""
+        room = os.statvfs(directory)
+        return room.f_bavail * room.f_frsize

@@ -1,0 +1,63 @@
+"""What the loop's thread, the writer's and readers share. Its condition is never held over work on the disk."""
+
+import threading
+from collections import deque
+from typing import Any, Final
+
+from onboard.spool.memory import FrameList, Item
+from onboard.spool.shelf import Shelf
+
+RING_BYTES: Final = 4 << 20
+"""The newest frames in memory."""
+QUEUE_BYTES: Final = 8 << 20
+"""Frames that wait for the disk."""
+BATCH_BYTES: Final = 1 << 20
+
+
+class State:
+    """Everything here is touched with `condition` held; `shelf` may be read without, it is replaced as a whole."""
+
+    def __init__(self) -> None:
+        self.condition = threading.Condition()
+        self.ring = FrameList()
+        self.waiting = FrameList()
+        """Not on disk yet."""
+        self.shelf = Shelf()
+        self.synced_seq = -1
+        self.dropped = 0
+        """Frames of this start that never came to the disk: the queue was full."""
+        self.removed = 0
+        """Segments that had to make room."""
+        self.fault: str | None = None
+        """Why nothing is stored on disk now."""
+        self.happened: deque[tuple[str, dict[str, Any]]] = deque(maxlen=64)
+        """(code, evidence) of events to be told by the loop's thread."""
+        self.closing = False
+        self._is_behind = False
+
+    def keep(self, seq: int, data: bytes, *, store: bool) -> None:
+        """A new frame: into memory, and into the queue for the disk."""
+        self.ring.add(seq, data)
+        while self.ring.size > RING_BYTES and len(self.ring) > 1:
+            self.ring.drop_first()
+        if not store:
+            return
+        if self.waiting.size + len(data) > QUEUE_BYTES:
+            self.dropped += 1
+            if not self._is_behind:
+                self._is_behind = True
+                self.happened.append(("spool-behind", {"seq": seq}))
+            return
+        self.waiting.add(seq, data)
+        self.condition.notify_all()
+
+    def stored(self, last_seq: int) -> None:
+        """Frames up to this one are in a file."""
+        self.waiting.drop_to(last_seq)
+        if self._is_behind and self.waiting.size < QUEUE_BYTES // 2:
+            self._is_behind = False
+            self.happened.append(("spool-caught-up", {"dropped": self.dropped}))
+
+    def batch(self) -> list[Item]:
+        """What waits longest."""
+        return self.waiting.between(0, 2**64, BATCH_BYTES)

@@ -1,0 +1,88 @@
+"""`wayfix connect`: join a boat, which is looked for when no address is given."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from common.command import number
+from common.errors import LinkError, WayfixError
+from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
+from shore.logbook.trip_arguments import add_trip_arguments
+from shore.meeting import Seeker, add_meeting_arguments, link_to, looker, meet
+from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
+
+if TYPE_CHECKING:
+    from shore.live import Options, Tally
+
+DEFAULT_FILTERS: Final = "fuzzy"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `wayfix connect`."""
+    parser.add_argument(
+        "--frames",
+        type=number(int, 1, MAX_RUN_FRAMES),
+        metavar="M",
+        help="receive exactly M frames, then end (the thesis' mode)",
+    )
+    parser.add_argument(
+        "--period",
+        type=number(float, MIN_PERIOD_S, MAX_PERIOD_S),
+        metavar="SECONDS",
+        help="length of a frame with --frames (default 1)",
+    )
+    add_meeting_arguments(parser)
+    parser.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
+    add_trip_arguments(parser)
+    add_filter_arguments(parser, DEFAULT_FILTERS)
+    add_json(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 1 = fewer frames than asked for."""
+    from shore.boats import Boats
+    from shore.live import LiveRun, StopFlag
+
+    options = _options(arguments)
+    boats = Boats(arguments.keys)
+    address, boat = meet(arguments, boats)
+    link = link_to(address, boat, boats)
+    seeker = Seeker(looker(boat, boats)) if boat is not None and arguments.address is None else None
+    with StopFlag().on_signals() as stop:
+        try:
+            live = LiveRun(link, options, stop, say, seeker)
+            if boat is not None:
+                boats.remember(boat.boat_id, boat.public_key, address)
+            tally = live.run()
+        except LinkError:
+            if stop():  # Ctrl-C while nobody had answered yet
+                return 0
+            raise
+        finally:
+            link.close()
+    counts = {"received": tally.received, "missing": tally.missing}
+    finish(arguments, {"frames": counts, "log": str(live.log_path) if live.log_path else None})
+    return _exit_code(tally, options, is_stopped=stop())
+
+
+def _options(arguments: argparse.Namespace) -> "Options":
+    from shore.live import Options
+    from shore.logbook.session import trip_record
+
+    if arguments.period is not None and arguments.frames is None:
+        raise WayfixError("--period needs --frames", cure="give --frames M too, or leave --period out")
+    period_s = 1.0 if arguments.frames is not None and arguments.period is None else arguments.period
+    filters = filters_named(arguments.filters)
+    trip = trip_record(arguments.name, arguments.place, arguments.note)
+    if trip is not None and arguments.log is None:
+        raise WayfixError("a name, place or note is kept in a log", "--name", "give --log DIR too")
+    return Options(filters, arguments.frames, period_s, arguments.step, arguments.log, trip)
+
+
+def _exit_code(tally: "Tally", options: "Options", *, is_stopped: bool) -> int:
+    if tally.end_reason is not None:
+        say(f"the boat ended the session after {tally.sent} frames: {tally.end_reason}")
+    if options.frames is not None and tally.received < options.frames and not is_stopped:
+        say(f"only {tally.received} of {options.frames} frames were received")
+        return 1
+    return 0
