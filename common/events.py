@@ -118,7 +118,7 @@ EVENTS: Final[dict[str, EventKind]] = {
     "key-revoked": EventKind("info", "the key of {name} was taken off the allow list", "nothing to do"),
     "link-open": EventKind(
         "warning",
-        "--open: nothing is encrypted, and everybody who reaches port {port} may read and command",
+        "OPEN LINK (--open): nothing is encrypted, whoever reaches {bind} reads and commands this boat",
         "leave --open out and pair the station, unless this network is yours alone",
     ),
     "control-unusable": EventKind(

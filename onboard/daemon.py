@@ -157,6 +157,8 @@ class Daemon:
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         loop.add_signal_handler(signal.SIGHUP, self._hung_up)
         self.happened(event("daemon-started", self.clock.now_ns(), "daemon", sensors=len(self.config.sensor)))
+        if self._access is None:
+            self.happened(event("link-open", self.clock.now_ns(), "link", bind=endpoint))
         self._tell_gap()
         if self._state_fault is not None:
             self.happened(event("state-unusable", self.clock.now_ns(), "daemon", reason=self._state_fault))

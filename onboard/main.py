@@ -13,15 +13,13 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from common.clock import BoatClock
 from common.command import number, run_command
 from common.errors import WayfixError
 from common.sensors import BoatConfig
 from onboard.notify import log_handler, notifier, program_name
-
-OPEN_WARNING: Final = "OPEN LINK (--open): nothing is encrypted, whoever reaches the port reads and commands this boat"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -108,8 +106,6 @@ def _run(arguments: argparse.Namespace) -> int:
         state = arguments.state or _directory("STATE_DIRECTORY")
         runtime = arguments.runtime or _directory("RUNTIME_DIRECTORY")
         access = None if arguments.open else Access(state)
-        if access is None:
-            logging.getLogger("onboard").warning(OPEN_WARNING)
         daemon = Daemon(config, clock, state, runtime, notifier=notifier(os.environ), access=access)
         if arguments.until_stdin_closes:
             _watch_stdin(lambda: daemon.stop("the parent process is gone"))

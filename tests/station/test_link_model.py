@@ -167,25 +167,30 @@ STEPS = st.lists(
 )
 
 
+async def happens(what: str, number: int, wire: Wire, board: Board, station: Station) -> None:
+    """One of STEPS."""
+    match what:
+        case "make":
+            board.make(number)
+        case "lease" if station.end is None:
+            station.lease()
+        case "read":
+            station.read(number)
+        case "cut":
+            wire.cut()
+        case "room":
+            wire.room = number
+        case _:
+            await settle()
+
+
 @settings(max_examples=60, deadline=None)
 @given(STEPS)
 def test_every_frame_comes_once_whatever_the_wire_does(steps: list[tuple[str, int]]) -> None:
     async def play(wire: Wire, board: Board, station: Station) -> None:
         board.make(1)
         for what, number in steps:
-            match what:
-                case "make":
-                    board.make(number)
-                case "lease":
-                    station.lease()
-                case "read":
-                    station.read(number)
-                case "cut":
-                    wire.cut()
-                case "room":
-                    wire.room = number
-                case _:
-                    await settle()
+            await happens(what, number, wire, board, station)
         wire.room = 1000
         board.make(1)
         station.ledger.exists(board.identity.boot_id, board.seq)
@@ -204,19 +209,7 @@ def test_a_bounded_run_has_exactly_m_frames_in_order(steps: list[tuple[str, int]
         station.run = BoundedRun(7, 0, station.boot_id, 0, period_s)
         station.lease()
         for what, number in steps:
-            match what:
-                case "make":
-                    board.make(number)
-                case "lease" if station.end is None:
-                    station.lease()
-                case "read":
-                    station.read(number)
-                case "cut":
-                    wire.cut()
-                case "room":
-                    wire.room = number
-                case _:
-                    await settle()
+            await happens(what, number, wire, board, station)
         wire.room = 1000
         board.make(25)
         if station.end is None:

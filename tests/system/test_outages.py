@@ -4,6 +4,7 @@ One run of 85 s serves all but the daemon's own ends: ten stations made of the l
 relay of its own, and real ones beside them.
 """
 
+import os
 import signal
 import statistics
 import threading
@@ -22,7 +23,8 @@ from tests.system.outages import FRAME_HZ, LightStation, check_whole, config_of,
 pytestmark = pytest.mark.slow
 
 CUTS = 10
-OUTAGE_S = 30.0
+OUTAGE_S = float(os.environ.get("WAYFIX_OUTAGE_S", "30"))
+"""The stopped station sleeps twice as long (`make soak`: ten minutes)."""
 LIVE_MEDIAN_S, LIVE_LONGEST_S, FILLED_S = 6.0, 12.0, 120.0
 """Twice what is asked (3, 6, 60 s): the machine of the tests is busy."""
 

@@ -84,6 +84,8 @@ def test_no_position_can_be_read_on_the_wire_but_with_open(tmp_path: Path, *, is
             ashore.finish()
             ashore.end()
         wire = bytes(relay.down.capture) + bytes(relay.up.capture)
+        for side in (running.daemon, ashore):
+            assert any("OPEN LINK" in line for line in side.err) is is_open, side.err
     (log,) = (tmp_path / "log").glob("*.mcap")
     secrets = {word for data in read_log(log).frames() for word in readable(data)}
     found = {word for word in secrets if word in wire}
