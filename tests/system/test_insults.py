@@ -142,7 +142,7 @@ def test_a_vanished_adapter_costs_an_idle_daemon_nothing(tmp_path: Path) -> None
         plugged, vanished = (
             100 * (cpu_s(daemon.popen.pid) - begin) / 4.0 for daemon, begin in zip(daemons, before, strict=True)
         )
-        assert [line for line in daemon.err if "one" in line and "open at" not in line][1:] == []
+        assert [line for line in daemon.err if " one " in line and "open at" not in line][1:] == []
     figure(f"idle daemon, 3 ports: {plugged:.2f} % of a core, with a vanished adapter {vanished:.2f} %")
     assert vanished <= plugged + 3.0
 

@@ -96,7 +96,8 @@ def test_a_port_pulled_and_plugged_again_is_one_event_each_and_frames_go_on(tmp_
             assert codes.count(("compass", "port-opened")) == 1
             frames = [decode_frame(data) for data in read_log(newest_log(tmp_path / "log")).frames()]
             assert any(frame.headings for frame in frames[-5:])
-            assert sorted(frame.seq for frame in frames) == list(range(frames[0].seq, frames[0].seq + len(frames)))
+            seqs = sorted(frame.seq for frame in frames)
+            assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
         finally:
             ashore.end()
 
