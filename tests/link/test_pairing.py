@@ -294,7 +294,7 @@ def test_a_hundred_thousand_random_and_mutated_messages_leave_no_trace() -> None
     finally:
         tracemalloc.stop()
     assert after - before < 100_000
-    assert peak - before < 1_000_000
+    assert peak - before < 2_000_000  # 1.06 MB with msgpack 1.0.3, 0.27 MB with 1.2.4; the same for 10,000 messages
 
 
 @given(
