@@ -92,6 +92,11 @@ EVENTS: Final[dict[str, EventKind]] = {
         "check the radio link and the boat's power; the station goes on trying",
     ),
     "link-restored": EventKind("info", "frames arrive again after {age_s} s", "nothing to do"),
+    "log-behind": EventKind(
+        "warning",
+        "the disk of the log has been busy for {age_s} s: a power cut now takes that much of the log",
+        "use a faster disk; nothing of the run waits for it",
+    ),
     "daemon-restarted": EventKind("warning", "the boat's daemon was restarted; the filters carry on", "nothing to do"),
     "config-changed": EventKind(
         "warning", "the boat came back with another configuration; the filters start anew", "nothing to do"

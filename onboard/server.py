@@ -201,6 +201,9 @@ class Server:
             )
         client = self._sessions.get((key, lease.session))
         if client is None:
+            if "schema" in message and (fault := session.version_fault(message)) is not None:
+                self._reply(routing_id, "error", what=fault, cure="")
+                return
             if (refusal := self._refusal(key)) is not None:
                 self._reply(routing_id, "error", what=refusal[0], cure=refusal[1])
                 return

@@ -43,8 +43,11 @@ class Cursor:
         lock(self._lock.fileno())
         self.ledger = self._load(say)
 
-    def save(self, log: Path, log_time_ns: int) -> None:
-        """Everything in the ledger is on the disk; log_time_ns: of the newest record of `log`. Raises OSError."""
+    def saver(self, log: Path, log_time_ns: int) -> Callable[[], None]:
+        """What to call, in any thread, once everything that is in the ledger now is on the disk; it raises OSError.
+
+        log_time_ns: of the newest record of `log`.
+        """
         record = {
             "cursor": FORM,
             "boat_id": self._boat_id,
@@ -53,8 +56,12 @@ class Cursor:
             "starts": self.ledger.as_record(),
         }
         part = part_of(self._path)
-        part.write_text(json.dumps(record, separators=(",", ":")), encoding="utf-8")
-        part.replace(self._path)
+
+        def save() -> None:
+            part.write_text(json.dumps(record, separators=(",", ":")), encoding="utf-8")
+            part.replace(self._path)
+
+        return save
 
     def close(self) -> None:
         """Let another station write here."""

@@ -36,7 +36,8 @@ from shore.score import score_of
 READY_S: Final = 20.0
 DRAIN_BOAT_S: Final = 1.0
 """Boat seconds between the virtual boat's last byte and the daemon's stop: the last GPS epoch closes in them."""
-END_S: Final = 3.0
+END_S: Final = 20.0
+"""For the daemon's last words, and for a station on a slow disk to read them; it takes half a second."""
 STOP_S: Final = 1.0
 
 

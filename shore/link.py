@@ -30,6 +30,10 @@ LOST_S: Final = 3.0
 RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
 URGENT_NS: Final = 100 * NS_PER_MS
 HELLO_NS: Final = 500 * NS_PER_MS
+NO_BOOT: Final = "0"
+"""A lease with this is answered by a greeting."""
+BROKEN_GREETINGS: Final = 5
+"""In a row, five a second: a daemon that was stopped amid a greeting breaks one of them."""
 REQUIRED: Final = ("boot_id", "next_seq", "config", "runs")
 """What a station cannot do without in `connected`."""
 MAX_MESSAGE_BYTES: Final = 2 * 2**20
@@ -102,23 +106,29 @@ class Link:
         self._context = zmq.Context()
         self._socket: zmq.Socket[bytes] | None = None
         self._monitor: zmq.Socket[bytes] | None = None
-        self._boot_id = ""
+        self._boot_id = NO_BOOT
         self._received_bytes = 0
         self._told_bytes = 0
         self._renewed_ns = 0
+        self._broken_greetings = 0
         self._opened_ns = self._heard_ns = boottime_ns()
 
     def connect(
-        self, timeout_s: float = CONNECT_TIMEOUT_S, stopped: Callable[[], bool] = lambda: False
+        self,
+        timeout_s: float = CONNECT_TIMEOUT_S,
+        stopped: Callable[[], bool] = lambda: False,
+        *,
+        stream: bool = False,
     ) -> dict[str, Any]:
-        """Say hello, return the `connected` map; raises LinkError when nobody answers in time or the board refuses."""
+        """Say hello, return the `connected` map; raises LinkError when nobody answers in time or the board refuses.
+
+        stream: frames come from the greeting on, none is made between.
+        """
         self._new_socket()
         deadline_ns = boottime_ns() + int(timeout_s * NS_PER_S)
         hello_ns = 0
         while (now_ns := boottime_ns()) < deadline_ns and not stopped():
-            if now_ns - hello_ns > HELLO_NS and self._send(
-                "hello", schema=SCHEMA_VERSION, link=session.LINK_VERSION, client=self._client, session=self._session
-            ):
+            if now_ns - hello_ns > HELLO_NS and self._say_hello(now_ns, stream=stream):
                 hello_ns = now_ns
             parts = self._receive_parts(0.05)
             self._raise_if_refused()
@@ -150,22 +160,18 @@ class Link:
         cure = "look whether it was done (wayfix boat status), then ask again"
         raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
 
-    def renew(self) -> None:
-        """Send a lease now: frames come from here on."""
-        self._renewed_ns = 0
-        self._renew_if_due(boottime_ns())
-
     def receive(self, timeout_s: float) -> Received | None:
         """The next message, the lease renewed when it is due; None when nothing came. Raises LinkError when refused."""
         now_ns = boottime_ns()
-        if now_ns - max(self._heard_ns, self._opened_ns) > WATCHDOG_NS:
-            self._new_socket()
         due_ns = self._renew_if_due(now_ns)
         parts = self._receive_parts(min(timeout_s, max(0.0, (due_ns - now_ns) / NS_PER_S)))
         if parts is None:
             self._raise_if_refused()
+            # Judged only when nothing waits: it may be we who did not look for so long.
+            if boottime_ns() - max(self._heard_ns, self._opened_ns) > WATCHDOG_NS:
+                self._new_socket()
             return None
-        self._heard_ns = boottime_ns()
+        self._heard()
         message = session.unpack(parts[0], MAX_MESSAGE_BYTES)
         kind = message["type"]
         if kind == "frame" and len(parts) == 2:
@@ -208,8 +214,12 @@ class Link:
         if self._boot_id != str(message["boot_id"]):
             self.offset = ClockOffset()
         self._boot_id = str(message["boot_id"])
-        self._heard_ns = boottime_ns()
+        self._heard()
         return message
+
+    def _heard(self) -> None:
+        self._heard_ns = boottime_ns()
+        self._broken_greetings = 0
 
     def _alive(self, message: dict[str, Any]) -> Received | None:
         match message:
@@ -217,6 +227,13 @@ class Link:
                 self.offset.add(echo_ns, rx_ns, tx_ns, self._heard_ns)
         gone = session.frame_ranges(message.get("gone") or [])
         return Received(gone=gone) if gone else None
+
+    def _say_hello(self, now_ns: int, *, stream: bool) -> bool:
+        versions = {"schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "client": self._client}
+        if not stream:
+            return self._send("hello", **versions, session=self._session)
+        lease = Lease(self._session, NO_BOOT, self._window, self._received_bytes, now_ns)
+        return self._send("lease", **versions, **lease.as_fields())
 
     def _renew_if_due(self, now_ns: int) -> int:
         """Returns when the next lease is due."""
@@ -274,6 +291,9 @@ class Link:
             if kind == _REFUSED:
                 cure = "pair: wayfix-onboard pair on the board, then wayfix pair here"
                 raise LinkError("the boat does not know this station's key", self.endpoint, cure)
+            self._broken_greetings += 1
+            if self._broken_greetings < BROKEN_GREETINGS:
+                continue
             if self._keys is None:
                 cure = "pair with it (wayfix pair), or start the daemon with --open"
                 raise LinkError("the boat wants a key and this station gave none", self.endpoint, cure)

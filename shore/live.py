@@ -4,10 +4,10 @@ import logging
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from common.clock import boottime_ns
 from common.codec import decode_frame
@@ -21,7 +21,7 @@ from common.units import NS_PER_MS, NS_PER_S
 from shore.cursor import Cursor
 from shore.ledger import Ledger
 from shore.link import Link, Received, Wants, endpoint
-from shore.logbook.record import LogWriter
+from shore.logbook.recorder import Recorder
 from shore.logbook.session import start_record
 from shore.meeting import Seeker
 from shore.navigation.estimate import Estimate
@@ -29,6 +29,9 @@ from shore.pipeline import Pipeline
 from shore.status import StatusLine
 
 log = logging.getLogger(__name__)
+
+SLOW_DISK_S: Final = 5.0
+"""For one sync: a person is told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,48 +89,6 @@ class StopFlag:
         self.reason = signal.Signals(number).name
 
 
-class Recorder:
-    """The log of a live run, if one is wanted. A disk that fills up ends the log, never the run."""
-
-    def __init__(self, directory: Path | None, boat_id: str, say: Callable[[str], None]) -> None:
-        """Raises WayfixError when the directory cannot be written."""
-        self.path: Path | None = None
-        self.fault: WayfixError | None = None
-        """Why the log ended before the run."""
-        self._say = say
-        self._writer: LogWriter | None = None
-        if directory is not None:
-            self._writer = LogWriter(directory, boat_id, time.time_ns())
-            self.path = self._writer.path
-
-    @property
-    def log_time_ns(self) -> int:
-        """Of the newest record; 0 without a log."""
-        return 0 if self._writer is None else self._writer.log_time_ns
-
-    def write(self, action: Callable[[LogWriter], None]) -> None:
-        """Do something with the writer, while there is one."""
-        if self._writer is None:
-            return
-        try:
-            action(self._writer)
-        except WayfixError as error:
-            self.fault = error
-            self._say(f"error: log: {error}; the run goes on without a log")
-            self._end()
-
-    def close(self) -> None:
-        """Close the log; safe to call twice."""
-        self.write(LogWriter.close)
-        self._writer = None
-
-    def _end(self) -> None:
-        writer, self._writer = self._writer, None
-        if writer is not None:
-            with suppress(WayfixError):
-                writer.close()
-
-
 class LiveRun:
     """One station session from `connected` to its end. `say` prints a line for the person at the terminal."""
 
@@ -149,16 +110,15 @@ class LiveRun:
         self._stopped = stopped
         self._say = say
         self._seeker = seeker
-        connected = link.connect(stopped=stopped)
-        if options.frames is None:
-            link.renew()  # what is made while the filters are built comes in its order
-        self._adopt(connected)
+        # What is made while the filters are built comes in its order.
+        self._adopt(link.connect(stopped=stopped, stream=options.frames is None))
         is_kept = options.log_dir is not None and options.frames is None
         self._cursor = Cursor(options.log_dir, self.config.boat.id, say) if is_kept and options.log_dir else None
         self._ledger = self._cursor.ledger if self._cursor is not None else Ledger()
         self._recorder = Recorder(options.log_dir, self.config.boat.id, say)
         self._lost_since_ns: int | None = None
         self._is_filling = False
+        self._is_disk_slow = False
         self._is_over = False
         self._next = (str(self.connected["boot_id"]), int(self.connected["next_seq"]))
         """The next frame of a bounded run."""
@@ -203,13 +163,15 @@ class LiveRun:
                 if received is not None:
                     self._handle(received)
                 if boottime_ns() >= next_second_ns:
-                    next_second_ns = max(next_second_ns + NS_PER_S, boottime_ns())
                     self._each_second()
+                    next_second_ns += NS_PER_S
+                    if next_second_ns < boottime_ns():  # late: what waits comes first
+                        next_second_ns = boottime_ns() + NS_PER_S
         finally:
             self.tally.missing = self._ledger.missing_count + self._ledger.gone_count
             end = {"kind": "end", **self._summary()}
             self._recorder.write(lambda writer: writer.write_session(end, time.time_ns()))
-            self._keep()
+            self._keep(wait=True)
             self._recorder.close()
             if self._cursor is not None:
                 self._cursor.close()
@@ -289,8 +251,8 @@ class LiveRun:
             self._say(f"{happening.level}: {line_of(happening)}")
 
     def _each_second(self) -> None:
-        self._recorder.write(LogWriter.sync)
         self._keep()
+        self._tell_slow_disk()
         silent_s = self._link.silent_s()
         if silent_s is None:
             self._tell_filled()
@@ -307,17 +269,25 @@ class LiveRun:
             self._say(f"the boat is at {address} now")
             self._link.move_to(address)
 
+    def _tell_slow_disk(self) -> None:
+        """Once, until the disk has caught up: a power cut now takes more of the log than a second."""
+        is_slow = self._recorder.behind_s > SLOW_DISK_S
+        if is_slow and not self._is_disk_slow:
+            self._happened(event("log-behind", self._status.t_ns, "log", age_s=round(self._recorder.behind_s, 1)))
+        self._is_disk_slow = is_slow
+
     def _tell_filled(self) -> None:
         """Once after a loss of the link: nothing is missing any more."""
         if self._is_filling and self._lost_since_ns is None and self._ledger.missing_count == 0:
             self._is_filling = False
             self._happened(event("gaps-filled", self._status.t_ns, "link", count=self.tally.received))
 
-    def _keep(self) -> None:
-        """The log is on the disk: so may the cursor say. One that cannot be written costs frames sent twice."""
-        if self._cursor is not None and self._recorder.path is not None and self._recorder.fault is None:
-            with suppress(OSError):
-                self._cursor.save(self._recorder.path, self._recorder.log_time_ns)
+    def _keep(self, *, wait: bool = False) -> None:
+        """The log to the disk, then the cursor that says so. One that cannot be written costs frames sent twice."""
+        if self._cursor is None or self._recorder.path is None:
+            self._recorder.sync(lambda: None, wait=wait)
+        else:
+            self._recorder.sync(self._cursor.saver(self._recorder.path, self._recorder.log_time_ns), wait=wait)
 
     def _counted(self) -> str:
         counts = self._status.text(self.tally.received, self._ledger.missing_count, self._ledger.gone_count)

@@ -75,7 +75,7 @@ class LogWriter:
         self._summary = TripSummary()
         self._drawn_ns: dict[str, int] = {}
         """Boat time of the newest position of each filter."""
-        self._guarded(lambda: self._writer.start(profile="", library="wayfix"))
+        self.guarded(lambda: self._writer.start(profile="", library="wayfix"))
 
     @property
     def log_time_ns(self) -> int:
@@ -122,7 +122,28 @@ class LogWriter:
 
     def sync(self) -> None:
         """Everything written so far is on the disk when this returns."""
-        self._guarded(self._flush)
+        self.guarded(self._flush)
+
+    def flush(self) -> int:
+        """Everything written so far is the system's; returns the file's descriptor, for a sync in another thread."""
+        self.guarded(self._writer.flush)
+        return self._file.fileno()
+
+    def guarded(self, action: Callable[[], None]) -> None:
+        """Do something whose OSError ends the log; raises WayfixError."""
+        if self._failed:
+            raise WayfixError("the log ended with an earlier fault", str(self.path), "start a new one")
+        try:
+            action()
+        except OSError as error:
+            self._failed = True
+            what, cure = (
+                f"the log cannot be written any further ({error.strerror})",
+                "free some space or use another disk",
+            )
+            if self._final is None:
+                cure += "; what was written stays readable"
+            raise WayfixError(what, str(self._final or self.path), cure) from error
 
     def close(self) -> None:
         """Write summary and index and close; harmless when called twice or after a failure."""
@@ -130,7 +151,7 @@ class LogWriter:
             return
         try:
             if not self._failed:
-                self._guarded(self._finish)
+                self.guarded(self._finish)
         finally:
             # The library's own buffer may hold what a full disk refused; closing tries once more and fails again.
             with suppress(OSError):
@@ -148,7 +169,7 @@ class LogWriter:
         self._log_time = max(self._log_time, min(t_ns, _LARGEST_TIME))
         publish_time = min(max(publish_ns, 0), _LARGEST_TIME)
         channel = self._channels.get(topic) or self._new_channel(topic)
-        self._guarded(lambda: self._writer.add_message(channel, self._log_time, data, publish_time, sequence))
+        self.guarded(lambda: self._writer.add_message(channel, self._log_time, data, publish_time, sequence))
 
     def _new_channel(self, topic: str) -> int:
         encoding, schema = MessageEncoding.MessagePack, 0
@@ -172,21 +193,6 @@ class LogWriter:
             self.path.replace(self._final)
             self.path = self._final
             sync_directory(self.path.parent)
-
-    def _guarded(self, action: Callable[[], None]) -> None:
-        if self._failed:
-            raise WayfixError("the log ended with an earlier fault", str(self.path), "start a new one")
-        try:
-            action()
-        except OSError as error:
-            self._failed = True
-            what, cure = (
-                f"the log cannot be written any further ({error.strerror})",
-                "free some space or use another disk",
-            )
-            if self._final is None:
-                cure += "; what was written stays readable"
-            raise WayfixError(what, str(self._final or self.path), cure) from error
 
 
 def _new_file(directory: Path, boat_id: str, utc_ns: int) -> FileIO:

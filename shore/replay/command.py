@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from common.command import number
 from common.errors import WayfixError
+from shore.logbook.estimates import logged
 from shore.terminal import add_filter_arguments, add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
 
 if TYPE_CHECKING:
@@ -177,7 +178,7 @@ class Watchers:
         for record in played.records:
             self.consistency.take(record)
             if self.score is not None:
-                self.score.take_estimate(record)
+                self.score.take_estimate(logged(record))  # as a log's own estimates are scored, to the last digit
 
 
 def _empty(arguments: argparse.Namespace, replay: "Replay") -> tuple[str, str, str]:

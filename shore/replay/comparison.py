@@ -18,7 +18,9 @@ from shore.logbook.schemas import ESTIMATES
 
 LONGEST: Final = 1000
 """What waits longer than for so many others is not in the log."""
-STATION_EVENTS: Final = frozenset({"frames-gone", "gaps-filled", "link-lost", "link-restored", "config-changed"})
+STATION_EVENTS: Final = frozenset(
+    {"frames-gone", "gaps-filled", "link-lost", "link-restored", "config-changed", "log-behind"}
+)
 """What the live run says of its own link: no frame brings them, so no replay makes them."""
 
 

@@ -172,6 +172,22 @@ def test_a_client_of_another_version_is_told_so(greeting: dict[str, Any], what: 
         client = bench.client()
         await client.say("hello", **greeting)
         assert (await client.expect("error"))["what"] == what
+        if "schema" in greeting:
+            await client.say("lease", **greeting, **Lease("e", "0", session.WINDOW_BYTES, 0, 5).as_fields())
+            assert (await client.expect("error"))["what"] == what
+            assert bench.server.clients == 0
+
+    on_bench(run)
+
+
+def test_a_lease_in_place_of_hello_leaves_no_frame_between() -> None:
+    async def run(bench: Bench) -> None:
+        client = bench.client()
+        await client.lease(boot_id="0")
+        connected = await client.expect("connected")
+        await client.expect("alive")
+        bench.publish(1)
+        assert [item.seq for item in await client.frames(1)] == [connected["next_seq"]]
 
     on_bench(run)
 

@@ -3,6 +3,7 @@
 import itertools
 import json
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -12,10 +13,10 @@ from mcap.reader import make_reader
 from common.errors import WayfixError
 from common.events import event
 from common.simulation.scenarios import scenario_voyage
-from shore.live import Recorder
 from shore.logbook import foxglove
 from shore.logbook.lock import is_being_written
 from shore.logbook.record import LogWriter
+from shore.logbook.recorder import Recorder
 from shore.logbook.session import start_record, trip_record
 from shore.pipeline import Pipeline
 from tests.offline import config_of, frames_of, pushed
@@ -182,6 +183,40 @@ def test_the_run_goes_on_without_a_log_and_knows_why(tmp_path: Path, monkeypatch
     monkeypatch.setattr("os.fsync", full)
     recorder.write(LogWriter.sync)
     recorder.write(LogWriter.sync)
+    monkeypatch.undo()
+    assert "No space left" in str(recorder.fault)
+    assert len(said) == 1
+    recorder.close()
+
+
+def test_a_slow_disk_delays_nothing_and_the_cursor_waits_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder, is_free, done = Recorder(tmp_path, "springer", print), Event(), list[str]()
+    monkeypatch.setattr("os.fsync", lambda _descriptor: is_free.wait(20.0))
+    recorder.sync(lambda: done.append("first"))
+    recorder.sync(lambda: done.append("left out: the disk is busy"))
+    assert recorder.behind_s > 0.0
+    assert done == []
+    is_free.set()
+    recorder.sync(lambda: done.append("last"), wait=True)
+    recorder.close()
+    assert done == ["first", "last"]
+    assert recorder.behind_s == 0.0
+
+
+def test_a_sync_that_fails_beside_the_run_ends_the_log_and_moves_no_cursor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    recorder = Recorder(tmp_path, "springer", said.append)
+
+    def full(_descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    recorder.sync(lambda: said.append("cursor"))
+    recorder.sync(lambda: said.append("cursor"), wait=True)
     monkeypatch.undo()
     assert "No space left" in str(recorder.fault)
     assert len(said) == 1

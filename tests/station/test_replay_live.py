@@ -53,13 +53,10 @@ class FakeLink:
         self.offset = ClockOffset()
         self.wants: Callable[[], object] = Wants
 
-    def connect(self, timeout_s: float = 5.0, stopped: Callable[[], bool] = lambda: False) -> dict[str, Any]:
+    def connect(self, **_options: object) -> dict[str, Any]:
         boot_id = next((item.boot_id for item in self._items if isinstance(item, Frame)), "")
         config = without_none(asdict(self._config))
         return {"boot_id": boot_id, "next_seq": 0, "config": config, "runs": [[boot_id, 1, 0, 0]]}
-
-    def renew(self) -> None:
-        pass
 
     def receive(self, timeout_s: float) -> Received | None:
         self.wants()

@@ -1,0 +1,93 @@
+"""The log of a live run, written while frames come: a disk that fills up or is slow harms the log, never the run."""
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+
+from common.clock import boottime_ns
+from common.errors import WayfixError
+from common.units import NS_PER_S
+from shore.logbook.record import LogWriter
+
+
+class Recorder:
+    """Writes at once, puts it on the disk beside the run. Without a directory it takes everything and keeps nothing."""
+
+    def __init__(self, directory: Path | None, boat_id: str, say: Callable[[str], None]) -> None:
+        """Raises WayfixError when the directory cannot be written."""
+        self.path: Path | None = None
+        self.fault: WayfixError | None = None
+        """Why the log ended before the run."""
+        self._say = say
+        self._writer: LogWriter | None = None
+        self._worker = ThreadPoolExecutor(1, "log-sync")
+        self._syncing: Future[None] | None = None
+        self._since_ns = boottime_ns()
+        if directory is not None:
+            self._writer = LogWriter(directory, boat_id, time.time_ns())
+            self.path = self._writer.path
+
+    @property
+    def log_time_ns(self) -> int:
+        """Of the newest record; 0 without a log."""
+        return 0 if self._writer is None else self._writer.log_time_ns
+
+    @property
+    def behind_s(self) -> float:
+        """How long the disk has been working on what `sync` gave it; 0.0 when it is done."""
+        if self._syncing is None or self._syncing.done():
+            return 0.0
+        return (boottime_ns() - self._since_ns) / NS_PER_S
+
+    def write(self, action: Callable[[LogWriter], None]) -> None:
+        """Do something with the writer, while there is one."""
+        if self._writer is None:
+            return
+        try:
+            action(self._writer)
+        except WayfixError as error:
+            self.fault = error
+            self._say(f"error: log: {error}; the run goes on without a log")
+            self._end()
+
+    def sync(self, then: Callable[[], None], *, wait: bool = False) -> None:
+        """Put on the disk what is written so far, then call `then` (in another thread; its OSError is no matter).
+
+        Returns at once, and does nothing while the disk still works on the sync before, unless it is to wait for that.
+        """
+        if wait or self._syncing is None or self._syncing.done():
+            self.write(lambda writer: self._sync(writer, then))
+
+    def close(self) -> None:
+        """Wait for the disk and close the log; safe to call twice."""
+        self.write(self._finish_sync)
+        self.write(LogWriter.close)
+        self._writer = None
+        self._worker.shutdown()
+
+    def _sync(self, writer: LogWriter, then: Callable[[], None]) -> None:
+        self._finish_sync(writer)
+        flushed = writer.flush()
+        self._since_ns = boottime_ns()
+
+        def work() -> None:
+            os.fsync(flushed)
+            with suppress(OSError):
+                then()
+
+        self._syncing = self._worker.submit(work)
+
+    def _finish_sync(self, writer: LogWriter) -> None:
+        if self._syncing is not None:
+            writer.guarded(self._syncing.result)
+            self._syncing = None
+
+    def _end(self) -> None:
+        writer, self._writer = self._writer, None
+        self._worker.shutdown()  # the file is open until nobody works on it
+        if writer is not None:
+            with suppress(WayfixError):
+                writer.close()
