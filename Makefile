@@ -8,7 +8,7 @@ EXTRAS := onboard,shore,report
 FAST := -m "not slow"
 # Tests whose result no other work on the machine can change run on all cores: those that wait for no clock, and those
 # that wait most of their time.
-PURE := $(addprefix tests/,acquire lab layout link messages navigate simulate station)
+PURE := $(addprefix tests/,acquire floor lab layout link messages navigate simulate station)
 WAITING := $(addprefix tests/system/test_,outages.py board_ends.py meeting.py wrong_clocks.py addresses.py)
 REAL := $(addprefix --ignore=,$(PURE) $(WAITING))
 

@@ -21,7 +21,7 @@ import zmq
 from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.framer import Identity
-from common.messages import Event, Frame, RawLine
+from common.messages import Event, Fix, Frame, RawLine
 from common.sensors import SpoolTable
 from common.units import NS_PER_S
 from onboard.access import Access, Zap
@@ -31,6 +31,8 @@ from onboard.spool import Spool
 
 BOOT = "ab" * 8
 LINE = "$" + "x" * 399
+FIX_EACH = 20
+"""A fix in each so-manieth frame, as of a receiver of 1 Hz."""
 
 
 def frame_of(seq: int, t0_ns: int, period_ns: int, size: int) -> Frame:
@@ -45,6 +47,7 @@ def frame_of(seq: int, t0_ns: int, period_ns: int, size: int) -> Frame:
         start_no=1,
         t0_ns=begin_ns,
         t1_ns=begin_ns + period_ns,
+        fixes=(Fix(sensor="gps1", t_ns=begin_ns, lat_deg=50.8, lon_deg=-1.3),) if seq % FIX_EACH == 0 else (),
         raw=raw,
     )
 

@@ -1,7 +1,8 @@
 """The board's end of the link: sessions over one ROUTER socket (`common.session`, docs/protocol.md).
 
 Every frame goes to the store first. A client is sent the newest frame, then what it misses, oldest first, within its
-window; it says what that is with each lease (`onboard.sessions`).
+window; it says what that is with each lease (`onboard.sessions`). A newest frame that finds no room is passed over, but
+not one with a fix: running sums bridge what an IMU said in the frames that did not come, nothing bridges a fix.
 """
 
 import asyncio
@@ -120,6 +121,8 @@ class Server:
                 self._forget(key, "it was not heard of any more")
             else:
                 self._send_newest(client)
+                if frame.fixes and client.live_next <= frame.seq:
+                    client.owed.append((frame.seq, self._header, data))
         self._filling.wake()
 
     def reload(self) -> None:
@@ -241,11 +244,13 @@ class Server:
 
     def _send_newest(self, client: Session) -> None:
         newest = self._store.newest()
-        if newest is None or client.lease.run is not None or newest[0] < client.live_next:
+        if newest is None or client.lease.run is not None:
             return
-        seq, data = newest
-        if client.has_room(len(data), fill=False) and self._send(client, [self._header, data]):
-            client.sent_newest(seq, len(data))
+        for seq, header, data in (*client.owed, (newest[0], self._header, newest[1])):
+            if seq >= client.live_next:
+                if not client.has_room(len(data), fill=False) or not self._send(client, [header, data]):
+                    return
+                client.sent_newest(seq, len(data))
 
     def _end(self, client: Session, reason: str) -> None:
         place = {"boot_id": self._boot_id, "next_seq": self._next_seq}

@@ -1,6 +1,7 @@
 """What each client asked for, and what of it is on its way. Pure: leases and times in, what to send next out.
 
-    newest frame first, then missing ranges oldest first, never more than the client's window on the way.
+    newest frame first (behind the last fix), then missing ranges oldest first, never more than the client's window on
+    the way.
 
 The board believes nothing but the newest lease. Bytes on their way are those sent on this connection less those the
 client has received since its first lease on it; a frame counts as lost again when the client has received what was
@@ -71,7 +72,9 @@ class Session:
     connection: bytes | None = None
     """Routing id of the connection that brought the newest lease; None = it broke."""
     live_next: int = 0
-    """The first frame of this start that was not offered as newest."""
+    """The first frame of this start that was not sent as newest."""
+    owed: deque[tuple[int, bytes, bytes]] = field(default_factory=lambda: deque(maxlen=1))
+    """(seq, header, data) of the last frame with a fix that found no room; sent before the newest, unless it was."""
     frames_sent: int = 0
     gone: list[FrameRange] = field(default_factory=list)
     """Found missing on the board while it read; told with the next answer."""

@@ -13,7 +13,7 @@ from common import session
 from common.codec import decode_frame
 from common.errors import WayfixError
 from common.framer import Identity
-from common.messages import SCHEMA_VERSION, Event, Frame, RawLine
+from common.messages import SCHEMA_VERSION, Event, Fix, Frame, RawLine
 from common.sensors import SpoolTable
 from common.session import LINK_VERSION, BoundedRun, FrameRange, Lease
 from common.units import NS_PER_MS, NS_PER_S
@@ -25,11 +25,18 @@ PERIOD_NS = 100 * NS_PER_MS
 BOOT = "ab" * 8
 
 
-def frame(seq: int, texts: int = 0) -> Frame:
+def frame(seq: int, texts: int = 0, *, has_fix: bool = False) -> Frame:
     t0_ns = seq * PERIOD_NS
-    raw = tuple(RawLine(sensor="gps1", t_ns=t0_ns, text="$" + "x" * 400) for _ in range(texts))
     return Frame(
-        boat_id="b", boot_id=BOOT, seq=seq, clock_id="c", start_no=1, t0_ns=t0_ns, t1_ns=t0_ns + PERIOD_NS, raw=raw
+        boat_id="b",
+        boot_id=BOOT,
+        seq=seq,
+        clock_id="c",
+        start_no=1,
+        t0_ns=t0_ns,
+        t1_ns=t0_ns + PERIOD_NS,
+        fixes=(Fix(sensor="gps1", t_ns=t0_ns, lat_deg=50.8, lon_deg=-1.3),) if has_fix else (),
+        raw=tuple(RawLine(sensor="gps1", t_ns=t0_ns, text="$" + "x" * 400) for _ in range(texts)),
     )
 
 
@@ -116,9 +123,9 @@ class Bench:
         await client.expect("alive")
         return client
 
-    def publish(self, count: int, texts: int = 0) -> None:
+    def publish(self, count: int, texts: int = 0, fixes: tuple[int, ...] = ()) -> None:
         for _ in range(count):
-            self.server.publish(frame(self.next_seq, texts))
+            self.server.publish(frame(self.next_seq, texts, has_fix=self.next_seq in fixes))
             self.next_seq += 1
 
     async def close(self) -> None:
@@ -236,6 +243,24 @@ def test_no_more_than_a_window_is_on_the_way_and_the_newest_goes_next() -> None:
         assert client.received <= 4096
         await client.lease()
         assert [item.seq for item in await client.frames(1)] == [20]
+
+    on_bench(run)
+
+
+def test_the_last_frame_with_a_fix_is_not_passed_over() -> None:
+    async def run(bench: Bench) -> None:
+        client = await bench.joined()
+        client.window = 4096
+        await client.lease()
+        await client.expect("alive")
+        bench.publish(20, texts=3, fixes=(1, 7, 12))
+        assert [item.seq for item in await client.frames(2)] == [1, 2]
+        await client.lease()
+        assert [item.seq for item in await client.frames(2)] == [12, 20]
+        await client.lease()
+        await client.expect("alive")
+        bench.publish(1)
+        assert [item.seq for item in await client.frames(1)] == [21]
 
     on_bench(run)
 

@@ -1,4 +1,8 @@
-"""What the live filter makes of the frames that come over too small a link: the running sums bridge the others."""
+"""What the live filter makes of the frames that come over too small a link: the running sums bridge the others.
+
+Frames with a fix are not passed over (`onboard.server`). Were they skipped like the others, the position would be
+1.19 times as wrong (50 voyages, 1.13 to 1.26): a third of the fixes is missing then, and nothing bridges a fix.
+"""
 
 import random
 from collections.abc import Iterable
@@ -19,6 +23,7 @@ from tests import offline
 FRAME_HZ = 20
 SKIPPED = 0.31
 """Share of 1.4 Mbit/s that a link of 1 Mbit/s leaves behind (tests/system/test_load_limited.py)."""
+SEEDS = 50
 FULL_S = 10.0
 """The link is large enough while the filter starts."""
 
@@ -34,7 +39,8 @@ def voyage_of(seed: int, seconds: float) -> tuple[Voyage, list[Frame], list[bool
     voyage = scenario_voyage("5.3", seed=seed, rates=Rates(compass_hz=FRAME_HZ, imu_hz=FRAME_HZ), seconds=seconds)
     frames = offline.frames_of(voyage)
     draw = random.Random(seed)
-    return voyage, frames, [draw.random() > SKIPPED or frame.seq < FULL_S * FRAME_HZ for frame in frames]
+    came = [draw.random() > SKIPPED or bool(frame.fixes) or frame.seq < FULL_S * FRAME_HZ for frame in frames]
+    return voyage, frames, came
 
 
 @pytest.fixture(autouse=True)
@@ -58,8 +64,8 @@ def test_what_the_imu_did_in_frames_that_did_not_come_is_not_lost() -> None:
 @pytest.mark.slow
 def test_the_position_is_as_good_with_the_frames_that_came() -> None:
     ratios = []
-    for seed in range(10):
-        voyage, frames, came = voyage_of(seed, 150.0)
+    for seed in range(SEEDS):
+        voyage, frames, came = voyage_of(seed, 60.0)
         ratios.append(
             rms_m(voyage, (f for f, is_here in zip(frames, came, strict=True) if is_here)) / rms_m(voyage, frames)
         )
