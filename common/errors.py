@@ -4,7 +4,8 @@ Exception
 └── WayfixError           somebody outside the program has to do something: says what, where and how to cure it
     ├── SettingsError     a configuration file is wrong (all its faults at once)
     ├── CodecError        bytes that are not a message of ours
-    └── LinkError         the other side cannot be reached, or broke the protocol
+    └── LinkError         the other side refused, or broke the protocol
+        └── NoAnswerError     nobody answered: it may be later
 
 Bad sensor data is never an exception: drivers return a `Reject` with a reason (`onboard.devices`).
 """
@@ -42,3 +43,7 @@ class CodecError(WayfixError):
 
 class LinkError(WayfixError):
     """The other side of the link cannot be reached, refused, or broke the protocol."""
+
+
+class NoAnswerError(LinkError):
+    """Nobody answered in time; another time somebody may."""

@@ -14,7 +14,7 @@ from onboard.devices import make_driver
 _SENSOR_ID = re.compile(rf"({'|'.join(ROLES)})([1-9]\d?)")
 
 # Bytes one measurement costs on the wire, generous: a GPS epoch with its satellite tables, an ArduIMU line, ...
-_ENDPOINT = re.compile(r"tcp://(?:\*|[\w.-]+|\[[0-9A-Fa-f:.%\w]+\]):(?:\*|[0-9]{1,5})|ipc://.+|inproc://.+")
+_ENDPOINT = re.compile(r"tcp://(?:\*|[\w.-]+|\[[0-9A-Fa-f:.%\w]+\]):(?P<port>\*|[0-9]{1,5})|ipc://.+|inproc://.+")
 _TALKER = re.compile("[A-Z0-9]{2}")
 _NOMINAL_BYTES = {"gps": 500, "imu": 160, "gyro": 40, "compass": 80, "ais": 4000, "radar": 2000}
 WHOLE_RATES_HZ: Final = (1, 2, 4, 5, 8, 10, 16, 20)
@@ -59,8 +59,8 @@ def _faults(config: BoatConfig) -> list[str]:
         faults.append(
             f"frames.rate_hz: must be one of {known} (frames begin on whole seconds), got {config.frames.rate_hz:g}"
         )
-    if not _ENDPOINT.fullmatch(config.link.bind):
-        faults.append(f"link.bind: must be tcp://ADDRESS:PORT (* = all), got {config.link.bind}")
+    if (fault := bind_fault(config.link.bind)) is not None:
+        faults.append(f"link.bind: {fault}")
     faults += [f"[[port]] {name}: name given twice" for name in _repeated(ports)]
     faults += [f"[[port]]: path {path} given twice, put its sensors on one port" for path in _repeated(paths)]
     faults += [f"[[sensor]] {name}: id given twice" for name in _repeated(ids)]
@@ -95,6 +95,15 @@ def _sensor_faults(sensor: SensorTable, ports: list[str]) -> list[str]:
     except WayfixError as error:
         faults.append(f"{where}.model: {error.what} ({error.cure})")
     return faults
+
+
+def bind_fault(endpoint: str) -> str | None:
+    """Why the daemon cannot listen there, or None."""
+    match = _ENDPOINT.fullmatch(endpoint)
+    if match is None:
+        return f"must be tcp://ADDRESS:PORT (* = all), got {endpoint}"
+    port = match["port"] or "*"
+    return None if port == "*" or int(port) < 2**16 else f"there is no port above 65535, got {endpoint}"
 
 
 def _repeated(names: list[str]) -> list[str]:

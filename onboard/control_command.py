@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -46,6 +47,8 @@ def _pair(arguments: argparse.Namespace) -> int:
     opened = ask(where, "pair", ANSWER_S, **wanted)
     _tell(opened["code"])
     _say(f"ashore, within {opened['seconds']} s: wayfix pair ADDRESS (port {opened['port']}), then type this code")
+    for ending in (signal.SIGTERM, signal.SIGHUP):  # a closed terminal calls it off too
+        signal.signal(ending, signal.default_int_handler)
     try:
         outcome = ask(where, "pair-outcome", opened["seconds"] + ANSWER_S)
     except KeyboardInterrupt:

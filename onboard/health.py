@@ -157,7 +157,8 @@ class SensorMonitor:
             return "nothing received yet"
         text = f"nothing received for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
         period_ns = self._rhythm.period_ns
-        if period_ns is None or 5 * period_ns <= self._stale_ns:
+        configured_ns = max(NS_PER_S / (self.table.rate_hz or ROLES[self.table.role].nominal_rate_hz), _BEAT_NS)
+        if period_ns is None or 5 * period_ns <= self._stale_ns or period_ns <= 1.5 * configured_ns:
             return text
         return f"{text}; it sends every {period_ns / NS_PER_S:.3g} s, slower than configured"
 

@@ -92,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: argparse.Namespace) -> int:
     """Poll all sensors and stream timestamped frames until SIGTERM or Ctrl-C. One JSON line says when it is ready."""
     from onboard.access import Access
-    from onboard.config import load
+    from onboard.config import bind_fault, load
     from onboard.daemon import Daemon
 
     config = load(arguments.config)
@@ -101,6 +101,9 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.clock_rate != 1.0:
         _refuse_fast_clock(config)
     clock = BoatClock(arguments.clock_rate, arguments.clock_start)
+
+    if arguments.bind is not None and (fault := bind_fault(arguments.bind)) is not None:
+        raise WayfixError(fault, "--bind", "give tcp://ADDRESS:PORT of this machine with a free port")
 
     async def run() -> None:
         state = arguments.state or _directory("STATE_DIRECTORY")

@@ -157,6 +157,8 @@ class PairingPort:
             one.exchange = asyncio.current_task()
             text = await self._exchange(one, reader, writer)
             self._end(one, True, text)
+        except asyncio.CancelledError:  # the pairing ended meanwhile
+            pass
         except TimeoutError:
             self._end(one, False, f"the client said nothing for {MESSAGE_S:g} s")
         except (OSError, asyncio.IncompleteReadError):

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from common.clock import boottime_ns
-from common.errors import LinkError, WayfixError
+from common.errors import NoAnswerError, WayfixError
 from common.units import NS_PER_S
 from shore.boats import Boat
 from shore.link import endpoint
@@ -97,7 +97,7 @@ class Search:
         is_open = any(refusal is None for _, refusal in self._tried.values())
         return self.found is not None or not (is_open or None in self._sources.values())
 
-    def fault(self) -> LinkError:
+    def fault(self) -> NoAnswerError:
         """One sentence that names everything tried."""
         tried = [
             f"{candidate.address} ({candidate.how}: {refusal or 'no answer'})"
@@ -108,7 +108,7 @@ class Search:
             if why or (why is None and not is_announced):
                 tried.append(f"{source} ({why or 'no boat announces itself'})")
         cure = "join the boat's Wi-Fi, or give its address"
-        return LinkError(f"no boat was found within {self.limit_s:g} s; tried: {', '.join(tried)}", "", cure)
+        return NoAnswerError(f"no boat was found within {self.limit_s:g} s; tried: {', '.join(tried)}", "", cure)
 
 
 def known(boats: Iterable[Boat]) -> list[Candidate]:

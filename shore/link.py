@@ -15,7 +15,7 @@ from zmq.utils.monitor import parse_monitor_message
 
 from common import session
 from common.clock import boottime_ns
-from common.errors import CodecError, LinkError, WayfixError
+from common.errors import CodecError, LinkError, NoAnswerError, WayfixError
 from common.messages import SCHEMA_VERSION
 from common.offset import ClockOffset
 from common.session import BoundedRun, FrameRange, Lease
@@ -25,6 +25,8 @@ DEFAULT_PORT: Final = 5760
 CONNECT_TIMEOUT_S: Final = 5.0
 WATCHDOG_NS: Final = 1_500 * NS_PER_MS
 """Nothing heard for this long, not even the answer to a lease: the socket is thrown away."""
+LONGEST_WATCHDOG_NS: Final = 6_000 * NS_PER_MS
+"""Doubled up to this while no socket hears anything: a greeting takes seven round trips, and a far radio needs them."""
 LOST_S: Final = 3.0
 """... and after this long a person is told."""
 RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
@@ -38,7 +40,8 @@ REQUIRED: Final = ("boot_id", "next_seq", "config", "runs")
 """What a station cannot do without in `connected`."""
 MAX_MESSAGE_BYTES: Final = 2 * 2**20
 _REFUSED: Final = zmq.EVENT_HANDSHAKE_FAILED_AUTH
-_WATCHED: Final = _REFUSED | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+_BROKEN: Final = zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+_WATCHED: Final = _REFUSED | _BROKEN | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
 
 _ADDRESS = re.compile(r"(?:tcp://)?(?P<host>\[[0-9a-fA-F:.%\w]+\]|[\w.-]+)(?::(?P<port>\d{1,5}))?")
 
@@ -111,6 +114,9 @@ class Link:
         self._told_bytes = 0
         self._renewed_ns = 0
         self._broken_greetings = 0
+        self.refusal: str | None = None
+        """Why nobody let us in, since the board was heard last."""
+        self._watchdog_ns = WATCHDOG_NS
         self._opened_ns = self._heard_ns = boottime_ns()
 
     def connect(
@@ -142,7 +148,7 @@ class Link:
         cure = "check the address, the Wi-Fi and that wayfix-onboard runs there"
         if self._keys is not None:
             cure += "; if the boat's keys were made anew, pair again (wayfix pair)"
-        raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
+        raise NoAnswerError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
 
     def command(self, name: str, argument: str = "", timeout_s: float = CONNECT_TIMEOUT_S) -> str:
         """Ask the board to do something, after `connect`: its answer in words. Raises LinkError."""
@@ -161,15 +167,15 @@ class Link:
         raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
 
     def receive(self, timeout_s: float) -> Received | None:
-        """The next message, the lease renewed when it is due; None when nothing came. Raises LinkError when refused."""
+        """The next message, the lease renewed when it is due; None when nothing came.
+
+        Raises LinkError when the board itself refuses; whoever else is found at its address cannot end a session.
+        """
         now_ns = boottime_ns()
         due_ns = self._renew_if_due(now_ns)
         parts = self._receive_parts(min(timeout_s, max(0.0, (due_ns - now_ns) / NS_PER_S)))
         if parts is None:
-            self._raise_if_refused()
-            # Judged only when nothing waits: it may be we who did not look for so long.
-            if boottime_ns() - max(self._heard_ns, self._opened_ns) > WATCHDOG_NS:
-                self._new_socket()
+            self._watch()
             return None
         self._heard()
         message = session.unpack(parts[0], MAX_MESSAGE_BYTES)
@@ -220,6 +226,19 @@ class Link:
     def _heard(self) -> None:
         self._heard_ns = boottime_ns()
         self._broken_greetings = 0
+        self._watchdog_ns = WATCHDOG_NS
+        self.refusal = None
+
+    def _watch(self) -> None:
+        """Is the socket still good? Asked when nothing waits in it: it may be we who did not look for so long."""
+        try:
+            self._raise_if_refused()
+        except LinkError as error:  # another box has the boat's address for a while, or somebody plays the boat
+            self.refusal = error.what
+        if boottime_ns() - max(self._heard_ns, self._opened_ns) > self._watchdog_ns:
+            if self._heard_ns < self._opened_ns:
+                self._watchdog_ns = min(2 * self._watchdog_ns, LONGEST_WATCHDOG_NS)
+            self._new_socket()
 
     def _alive(self, message: dict[str, Any]) -> Received | None:
         match message:
@@ -291,8 +310,8 @@ class Link:
             if kind == _REFUSED:
                 cure = "pair: wayfix-onboard pair on the board, then wayfix pair here"
                 raise LinkError("the boat does not know this station's key", self.endpoint, cure)
-            self._broken_greetings += 1
-            if self._broken_greetings < BROKEN_GREETINGS:
+            self._broken_greetings += kind == _BROKEN
+            if kind == _BROKEN and self._broken_greetings < BROKEN_GREETINGS:
                 continue
             if self._keys is None:
                 cure = "pair with it (wayfix pair), or start the daemon with --open"

@@ -20,7 +20,7 @@ from common.settings import convert
 from common.units import NS_PER_MS, NS_PER_S
 from shore.cursor import Cursor
 from shore.ledger import Ledger
-from shore.link import Link, Received, Wants, endpoint
+from shore.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
 from shore.logbook.recorder import Recorder
 from shore.logbook.session import start_record
 from shore.meeting import Seeker
@@ -45,6 +45,8 @@ class Options:
     log_dir: Path | None = None
     trip: dict[str, Any] | None = None
     """What a person calls it (`trip_record`)."""
+    connect_s: float = CONNECT_TIMEOUT_S
+    """The boat has so long to answer the greeting."""
     until_end: bool = False
     """The run is over when the daemon stops (a demo); else the station waits for it to come back."""
 
@@ -111,7 +113,7 @@ class LiveRun:
         self._say = say
         self._seeker = seeker
         # What is made while the filters are built comes in its order.
-        self._adopt(link.connect(stopped=stopped, stream=options.frames is None))
+        self._adopt(link.connect(options.connect_s, stopped, stream=options.frames is None))
         is_kept = options.log_dir is not None and options.frames is None
         self._cursor = Cursor(options.log_dir, self.config.boat.id, say) if is_kept and options.log_dir else None
         self._ledger = self._cursor.ledger if self._cursor is not None else Ledger()
@@ -144,6 +146,11 @@ class LiveRun:
         return Wants(run=BoundedRun(self._options.frames, self.tally.received, *self._next, self._options.period_s))
 
     @property
+    def _missing_count(self) -> int:
+        """Frames still to come but for new ones; a bounded run has them in order, without a hole."""
+        return 0 if self._options.frames is not None else self._ledger.missing_count
+
+    @property
     def log_path(self) -> Path | None:
         """The log file, when one is written."""
         return self._recorder.path
@@ -168,7 +175,9 @@ class LiveRun:
                     if next_second_ns < boottime_ns():  # late: what waits comes first
                         next_second_ns = boottime_ns() + NS_PER_S
         finally:
-            self.tally.missing = self._ledger.missing_count + self._ledger.gone_count
+            self.tally.missing = self._missing_count + self._ledger.gone_count
+            if self._options.frames is not None:
+                self.tally.missing = self._options.frames - self.tally.received
             end = {"kind": "end", **self._summary()}
             self._recorder.write(lambda writer: writer.write_session(end, time.time_ns()))
             self._keep(wait=True)
@@ -263,7 +272,8 @@ class LiveRun:
             self._is_filling = True
             self._happened(event("link-lost", self._status.t_ns, "link", age_s=round(silent_s, 1)))
         lost_s = (boottime_ns() - self._lost_since_ns) / NS_PER_S
-        self._say(f"LINK LOST for {lost_s:.0f} s, trying again | before: {self._counted()}")
+        refusal = f" ({self._link.refusal})" if self._link.refusal else ""
+        self._say(f"LINK LOST for {lost_s:.0f} s{refusal}, trying again | before: {self._counted()}")
         address = None if self._seeker is None else self._seeker.ask()
         if address is not None and endpoint(address) != self._link.endpoint:
             self._say(f"the boat is at {address} now")
@@ -290,7 +300,9 @@ class LiveRun:
             self._recorder.sync(self._cursor.saver(self._recorder.path, self._recorder.log_time_ns), wait=wait)
 
     def _counted(self) -> str:
-        counts = self._status.text(self.tally.received, self._ledger.missing_count, self._ledger.gone_count)
+        counts = self._status.text(self.tally.received, self._missing_count, self._ledger.gone_count)
+        if self.log_fault is not None:
+            counts = f"NO LOG | {counts}"
         offset = self._link.offset.at(boottime_ns())
         return counts if offset is None else f"{counts} | round trip {2 * offset.bound_ns / NS_PER_MS:.0f} ms"
 

@@ -50,6 +50,8 @@ def meet(arguments: argparse.Namespace, boats: "Boats") -> tuple[str, "Boat | No
     if arguments.address is not None:
         return arguments.address, None if arguments.open else boats.choose(arguments.address, arguments.boat)
     known: list[Boat] = [] if arguments.open else boats.meant(arguments.boat)
+    if known:
+        boats.link_keys(known[0])  # own keys at fault are told once, not of each address
     say("looking for the boat" if arguments.open else f"looking for {', '.join(boat.boat_id for boat in known)}")
     found, boat = _look(known, boats)
     say(f"{'a boat' if boat is None else boat.boat_id} is at {found.address} ({found.how})")

@@ -141,6 +141,19 @@ def test_a_sensor_slower_than_configured_is_not_reopened_for_ever() -> None:
     assert "sends every 10 s, slower than configured" in str(slow.state((90 + 20) * NS_PER_S)[1])
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 10.0, 20.0])
+def test_a_sensor_of_the_configured_rate_that_falls_silent_is_not_called_slow(rate_hz: float) -> None:
+    healthy = monitor(rate_hz=rate_hz)
+    healthy.port_changed(None, 0)
+    for number in range(int(30 * rate_hz)):
+        healthy.accept(int(number * NS_PER_S / rate_hz * 1.001), True)
+        healthy.report(int(number * NS_PER_S / rate_hz))
+    state, reason = healthy.state(40 * NS_PER_S)
+    assert state == "silent"
+    assert reason is not None
+    assert "slower" not in reason
+
+
 def test_pauses_between_silent_reopenings_grow() -> None:
     watched = monitor()
     watched.port_changed(None, 0)

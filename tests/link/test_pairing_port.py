@@ -133,7 +133,10 @@ def test_a_wrong_code_burns_it(tmp_path: Path) -> None:
 
 
 def test_a_second_client_burns_the_code_of_the_first(tmp_path: Path) -> None:
+    faults: list[object] = []
+
     async def play(bench: Bench) -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _loop, context: faults.append(context))
         opened = await bench.port.open(ANY)
         first, second = await Client(opened).connect(), Client(opened)
         await first.say(first.station.hello)
@@ -149,6 +152,7 @@ def test_a_second_client_burns_the_code_of_the_first(tmp_path: Path) -> None:
 
     on_bench(tmp_path, play)
     assert Access(tmp_path).entries == []
+    assert faults == []  # nothing of it in the daemon's log
 
 
 @pytest.mark.parametrize(

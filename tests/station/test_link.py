@@ -3,6 +3,7 @@
 import socket
 import threading
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 import zmq
@@ -109,5 +110,50 @@ def test_only_greetings_that_break_again_and_again_are_a_fault(times: int, words
     try:
         with pytest.raises(LinkError, match=words):
             link.connect(3.0)
+    finally:
+        link.close()
+
+
+def test_while_nothing_is_heard_each_socket_has_longer(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A greeting takes some seven round trips: over a far radio a fixed limit would end each of them, for ever."""
+    link = Link(f"127.0.0.1:{board.port}")
+    try:
+        greeting = threading.Thread(target=board.greet)
+        greeting.start()
+        link.connect()
+        greeting.join()
+        board.close()
+        opened: list[float] = []
+        ahead_ns = 0
+        monkeypatch.setattr(link_module, "boottime_ns", lambda: boottime_ns() + ahead_ns)
+
+        def renewed(each: Link) -> None:
+            opened.append(ahead_ns / NS_PER_S)
+            each._opened_ns = boottime_ns() + ahead_ns
+
+        monkeypatch.setattr(Link, "_new_socket", renewed)
+        while ahead_ns < 40 * NS_PER_S:
+            assert link.receive(0.0) is None
+            ahead_ns += NS_PER_S // 4
+        assert opened[0] == pytest.approx(1.5, abs=0.3)
+        assert [later - first for first, later in pairwise(opened)][:4] == pytest.approx([1.5, 3.0, 6.0, 6.0], abs=0.5)
+    finally:
+        link.close()
+
+
+def test_whoever_breaks_our_greetings_in_a_running_session_does_not_end_it(board: Board) -> None:
+    link = Link(f"127.0.0.1:{board.port}")
+    try:
+        greeting = threading.Thread(target=board.greet)
+        greeting.start()
+        link.connect()
+        greeting.join()
+        stranger = socket.create_server(("127.0.0.1", 0))
+        threading.Thread(target=closing, args=(stranger, 50), daemon=True).start()
+        link.move_to(f"127.0.0.1:{stranger.getsockname()[1]}")
+        deadline_ns = boottime_ns() + 10 * NS_PER_S
+        while link.refusal is None and boottime_ns() < deadline_ns:
+            assert link.receive(0.1) is None
+        assert link.refusal == "the boat wants a key and this station gave none"
     finally:
         link.close()

@@ -53,7 +53,9 @@ class FakeLink:
         self.offset = ClockOffset()
         self.wants: Callable[[], object] = Wants
 
-    def connect(self, **_options: object) -> dict[str, Any]:
+    refusal = None
+
+    def connect(self, *_: object, **_options: object) -> dict[str, Any]:
         boot_id = next((item.boot_id for item in self._items if isinstance(item, Frame)), "")
         config = without_none(asdict(self._config))
         return {"boot_id": boot_id, "next_seq": 0, "config": config, "runs": [[boot_id, 1, 0, 0]]}

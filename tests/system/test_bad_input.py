@@ -128,6 +128,10 @@ def test_a_socket_in_use_is_one_sentence(tmp_path: Path) -> None:
     for verb in ("run", "check"):
         file = write_config(tmp_path, bind="nonsense")
         assert "link.bind: must be tcp://ADDRESS:PORT" in refused("wayfix-onboard", verb, file)
+        file = write_config(tmp_path, bind="tcp://*:99999")  # libzmq would take what is left of it, 34463
+        assert "link.bind: there is no port above 65535" in refused("wayfix-onboard", verb, file)
+    file = write_config(tmp_path)
+    assert "--bind: there is no port" in refused("wayfix-onboard", "run", "--open", file, "--bind", "tcp://*:99999")
 
 
 @pytest.mark.parametrize("is_damaged", [True, False])

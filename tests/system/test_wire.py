@@ -1,5 +1,6 @@
 """What is on the wire between a real daemon and real stations, who is let in, what a start that fails leaves behind."""
 
+import signal
 import struct
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from common.keys import new_keys
 from common.session import Lease
 from onboard.access import READ, Access
 from shore.boats import Boats
-from shore.link import Link, LinkKeys
+from shore.link import CONNECT_TIMEOUT_S, Link, LinkKeys
 from shore.logbook.read import read_log
 from tests.link.relay import Relay
 from tests.system.harness import Process, command, compass_config
@@ -212,3 +213,52 @@ def test_two_daemons_with_one_state_and_one_runtime_directory_both_sail_and_say_
         first.end()
         if second is not None:
             second.end()
+
+
+@pytest.mark.slow
+def test_a_station_comes_back_over_half_a_second_of_round_trip(tmp_path: Path) -> None:
+    """A greeting takes several round trips, which is more than the shortest patience with a silent socket."""
+    with boat(tmp_path, is_open=False) as running, Relay(running.target) as relay:
+        relay.delay(250)
+        ashore = Process("wayfix", "connect", *running.mode, relay.address, "--log", tmp_path / "log")
+        try:
+            ashore.wait_for(lambda _: relay.down.bytes > 10_000, 30)
+            relay.cut()
+            ashore.wait_for_words("LINK LOST", 20)
+            relay.restore()
+            ashore.wait_for_words("frames arrive again", 40)
+        finally:
+            ashore.popen.terminate()
+            ashore.finish()
+            ashore.end()
+        assert not any("frames lost" in line for line in ashore.err)
+
+
+@pytest.mark.slow
+def test_with_wait_a_boat_may_answer_late(tmp_path: Path) -> None:
+    with boat(tmp_path, is_open=False) as running, Relay(running.target) as relay:
+        relay.blackhole()
+        ashore = Process("wayfix", "connect", "--wait", *running.mode, relay.address)
+        try:
+            time.sleep(CONNECT_TIMEOUT_S + 1.0)
+            assert ashore.popen.poll() is None
+            relay.restore()
+            ashore.wait_for_words("filters start", 30)
+        finally:
+            ashore.popen.terminate()
+            assert ashore.finish() == 0
+            ashore.end()
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGHUP, signal.SIGTERM])
+def test_a_code_does_not_outlive_the_terminal_that_shows_it(tmp_path: Path, ending: signal.Signals) -> None:
+    with boat(tmp_path, is_open=False) as running:
+        pair = Process("wayfix-onboard", "pair", "--runtime", tmp_path / "run", "--port", "0")
+        try:
+            pair.wait_for_words("then type this code", 10)
+            pair.send(ending)
+            assert pair.finish() == 1
+            assert pair.err[-1].endswith("called off: the code is worth nothing")
+            running.daemon.wait_for_words("pairing ended without a key: it was called off", 5)
+        finally:
+            pair.end()
