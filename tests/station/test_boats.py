@@ -1,5 +1,6 @@
 """What the station keeps of boats, and of itself."""
 
+import argparse
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from common.errors import WayfixError
 from common.keys import key_text
 from shore.boats import Boat, Boats, directory_of
+from shore.meeting import meet
 
 A, B = (key_text(bytes([number]) * 32).encode() for number in (1, 2))
 
@@ -110,3 +112,16 @@ def test_any_file_is_read(tmp_path_factory: pytest.TempPathFactory, data: bytes)
     assert boats.all() == []
     boats.remember("springer", A)
     assert [boat.boat_id for boat in boats.all()] == ["springer"]
+
+
+def test_an_own_key_that_cannot_be_used_is_told_before_anybody_is_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    boats = Boats(tmp_path)
+    boats.remember("springer", A, "a")
+    assert boats.public_key
+    (tmp_path / "secret-key").chmod(0o644)
+    monkeypatch.setattr("shore.finding.find", lambda *_: pytest.fail("it looks"))
+    given = argparse.Namespace(address=None, boat=None, open=False)
+    with pytest.raises(WayfixError, match="others have rights"):
+        meet(given, Boats(tmp_path))

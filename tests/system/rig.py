@@ -157,7 +157,8 @@ def rig(
 
 def speaking(board: Rig) -> int:
     """Waits until all compasses deliver; returns how many events were told until then."""
-    board.until_event("sensor-delivering", len(board.devices))
+    told = "sensor-delivering"
+    board.until(lambda: len({item.source for item in board.events if item.code == told}) == len(board.devices))
     return len(board.events)
 
 
