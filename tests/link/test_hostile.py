@@ -19,7 +19,7 @@ from common.session import BoundedRun, FrameRange, Lease
 from onboard.in_order import GATHERED_BYTES, InOrder
 from onboard.server import COMMANDS_AT_ONCE, NEWS_AT_ONCE, SESSIONS_OF_KEY, Limits
 from onboard.sessions import Pace
-from tests.link.test_server import BOOT, PERIOD_NS, Bench, frame, on_bench
+from tests.link.bench import BOOT, PERIOD_NS, Bench, frame, on_bench
 
 HUGE = 2**63 - 1
 JUNK: tuple[Any, ...] = (

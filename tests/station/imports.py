@@ -10,9 +10,55 @@ import pytest
 
 from common.codec import decode_frame
 from common.messages import Attitude, Fix, Frame, Heading, TurnRate
+from common.units import NS_PER_S
 from shore.logbook.imports.arguments import add_arguments
 from shore.logbook.imports.command import run
 from shore.logbook.read import read_log
+
+T0 = 1_700_000_000 * NS_PER_S
+ISO = "2023-11-14T22:13:20.000Z"
+
+MAP = """
+[boat]
+id = "b"
+[time]
+column = "t"
+unix = true
+[fix]
+lat = "lat"
+lon = "lon"
+sog = "v"
+sog_scale = 2.0
+[heading]
+column = "psi"
+scale = -1.0
+offset_deg = 90.0
+[imu]
+yaw_rate = "r"
+yaw_rate_scale = -10.0
+"""
+
+
+def iso(second: float) -> str:
+    return f"2023-11-14T22:13:{20 + second:06.3f}Z"
+
+
+def delta(second: float, source: str, **more: Any) -> str:
+    values = [{"path": f"navigation.{path}", "value": value} for path, value in more.items()]
+    update = {"$source": source, "timestamp": iso(second), "values": values}
+    return json.dumps({"context": "vessels.self", "updates": [update]})
+
+
+def sealed(text: str) -> str:
+    total = 0
+    for letter in text[1:-1]:
+        total ^= ord(letter)
+    return f"{text}{total:02X}"
+
+
+def tpv(second: float | None, **more: Any) -> str:
+    time = {} if second is None else {"time": iso(second)}
+    return json.dumps({"class": "TPV", "device": "/dev/gps", "mode": 3, **time, **more})
 
 
 @dataclass

@@ -1,216 +1,37 @@
 """`wayfix export`: what programs of others read out of it is what the log says, the same in all formats."""
 
-import csv
 import json
-import sys
 import warnings
-from argparse import ArgumentParser
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import fastkml
-import gpxpy
 import polars as pl
-import pynmea2
 import pytest
 from fastkml.validator import validate
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from common.codec import decode_frame, encode_frame
-from common.errors import WayfixError
-from common.events import event
-from common.messages import Event, Frame
-from common.settings import as_dict
-from common.simulation.scenarios import scenario_voyage
 from shore.logbook.exports import arguments, formats
-from shore.logbook.exports.command import run
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
-from shore.navigation.estimate import Estimate
-from shore.pipeline import Pipeline
-from tests import offline
-
-UTC_NS = 1_795_000_000_000_000_000
-NS = 10**9
-KINDS = arguments.FORMATS
-HORROR = 'a <"sea"> & \x00\x1b trial'
-"""A text that no XML can hold as it is."""
-
-POSITION = {"type": "array", "minItems": 2, "maxItems": 3, "items": {"type": "number"}}
-LINE = {"type": "array", "minItems": 2, "items": POSITION}
-SHAPES = {"Point": POSITION, "LineString": LINE, "MultiLineString": {"type": "array", "items": LINE}}
-GEOJSON: dict[str, Any] = {
-    "type": "object",
-    "required": ["type", "features"],
-    "not": {"required": ["crs"]},
-    "properties": {
-        "type": {"const": "FeatureCollection"},
-        "features": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "required": ["type", "geometry", "properties"],
-                "properties": {
-                    "type": {"const": "Feature"},
-                    "properties": {"type": ["object", "null"]},
-                    "geometry": {
-                        "oneOf": [
-                            {"type": "null"},
-                            *(
-                                {
-                                    "required": ["type", "coordinates"],
-                                    "additionalProperties": False,
-                                    "properties": {"type": {"const": name}, "coordinates": shape},
-                                }
-                                for name, shape in SHAPES.items()
-                            ),
-                        ]
-                    },
-                },
-            },
-        },
-    },
-}
-"""The essence of RFC 7946."""
-
-
-def export(*words: object) -> int:
-    parser = ArgumentParser()
-    arguments.add_arguments(parser)
-    return run(parser.parse_args([str(word) for word in words]))
-
-
-@pytest.fixture(scope="module")
-def trip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Forty seconds with two filters, UTC, a warning and an unprintable event."""
-    path = tmp_path_factory.mktemp("log") / "trip.mcap"
-    voyage = scenario_voyage("5.3", seed=1, seconds=40.0)
-    config = offline.config_of(voyage)
-    frames = [
-        replace(frame, utc_ns=UTC_NS + frame.t0_ns, utc_unc_ns=10**8, utc_src="gnss")
-        for frame in offline.frames_of(voyage)
-    ]
-    odd = Event(t_ns=frames[200].t1_ns, source="gps1", code="odd", level="warning", text=HORROR)
-    frames[200] = replace(frames[200], events=(odd,))
-    pipeline = Pipeline(config, ["fuzzy", "ukf"])
-    writer = LogWriter.at(path)
-    options = {"filters": ["fuzzy", "ukf"], "step_s": None}
-    writer.write_session(start_record({"config": as_dict(config)}, options, UTC_NS), UTC_NS)
-    writer.write_session({"kind": "trip", "name": HORROR, "note": HORROR}, UTC_NS)
-    for data, frame, output in offline.pushed(pipeline, frames):
-        now_ns = UTC_NS + frame.t1_ns + 30_000_000
-        writer.write_frame(data, frame, now_ns)
-        if frame.seq % 10 == 0:
-            writer.sync()
-        for estimate in output.estimates:
-            writer.write_estimate(estimate.as_record(), now_ns)
-        for happening in (*frame.events, *output.events):
-            writer.write_event(happening, now_ns)
-    writer.write_event(event("link-lost", frames[100].t1_ns, "link", age_s=3.5), now_ns)
-    writer.close()
-    return path
-
-
-@pytest.fixture(scope="module")
-def recorded(trip: Path) -> list[dict[str, Any]]:
-    return list(read_log(trip).estimates("fuzzy"))
-
-
-@pytest.fixture(scope="module")
-def out(trip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Every format of that trip, in `trip.<format>`."""
-    directory = tmp_path_factory.mktemp("out")
-    for kind in KINDS:
-        assert export(trip, "--to", kind, directory / f"trip.{kind}") == 0
-    return directory
-
-
-def estimate(t_s: float, lat_deg: float, lon_deg: float, **more: Any) -> dict[str, Any]:
-    """A whole estimate of a filter with five states, at that place."""
-    made = Estimate(
-        t_ns=round(t_s * NS), boot_id="b1", seq=round(t_s * 10), filter="ukf", names=("east_m", "north_m"),
-        state=(0.0, 0.0), covariance=(4.0, 0.5, 9.0), origin_lat_deg=0.0, origin_lon_deg=0.0, lat_deg=lat_deg,
-        lon_deg=lon_deg, heading_true_deg=12.5, sog_kn=3.0, cog_true_deg=None, sigma_east_m=2.0, sigma_north_m=3.0,
-        sigma_heading_deg=1.0, aligned=True, waiting=(), repairs=0, channels={},
-    )  # fmt: skip
-    return replace(made, **more).as_record()
-
-
-BOOTS: dict[str, dict[str, Any]] = {"b1": {}, "b2": {"boot_id": "b2", "clock_id": "c2", "start_no": 2}}
-
-
-def empty_frame(t_s: float, **more: Any) -> Frame:
-    t1_ns = round(t_s * NS)
-    return replace(
-        Frame(
-            boat_id="x", boot_id="b1", seq=round(t_s * 10), clock_id="c1", start_no=1, t0_ns=t1_ns - NS // 10,
-            t1_ns=t1_ns, utc_ns=UTC_NS + t1_ns - NS // 10, utc_src="gnss",
-        ),
-        **more,
-    )  # fmt: skip
-
-
-def log_of(path: Path, items: Sequence[dict[str, Any] | Frame | Event], made: dict[str, Any] | None = None) -> Path:
-    """A log of these, in this order; an estimate brings an empty frame. made: of which recording, which has no UTC."""
-    writer = LogWriter.at(path)
-    begin_ns = UTC_NS if made is None else 0
-    connected: dict[str, Any] = {"config": {"boat": {"id": "x"}}} | ({"file": made} if made else {})
-    writer.write_session(start_record(connected, {"filters": ["ukf"]}, begin_ns), begin_ns)
-    now_ns = begin_ns
-    for item in items:
-        if isinstance(item, Event):
-            writer.write_event(item, now_ns)
-            continue
-        now_ns += NS // 10
-        frame = item if isinstance(item, Frame) else empty_frame(item["t_ns"] / NS, **BOOTS[item["boot_id"]])
-        if made is not None:
-            frame = replace(frame, utc_ns=None, utc_src="none")
-        writer.write_frame(encode_frame(frame), frame, now_ns)
-        if not isinstance(item, Frame):
-            writer.write_estimate(item, now_ns)
-    writer.close()
-    return path
-
-
-def rows_of(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def kml_places(path: Path) -> list[tuple[float, float]]:
-    (track,) = (feature for feature in kml_features(path) if isinstance(feature, fastkml.Placemark))
-    pieces: Any = getattr(track.kml_geometry, "tracks", ())
-    return [(item.coord.y, item.coord.x) for piece in pieces for item in piece.track_items]
-
-
-def kml_features(path: Path) -> list[Any]:
-    document: Any = fastkml.KML.parse(path).features[0]
-    return list(document.features)
-
-
-def gpx_of(path: Path) -> Any:
-    with path.open(encoding="utf-8") as file:
-        return gpxpy.parse(file)
-
-
-def sentences(path: Path) -> Iterator[Any]:
-    for line in path.read_bytes().decode("ascii").split("\r\n")[:-1]:
-        yield pynmea2.parse(line, check=True)
-
-
-def mcap_messages(path: Path, topic: str) -> list[dict[str, Any]]:
-    with path.open("rb") as stream:
-        return [json.loads(item.data) for _, _, item in make_reader(stream, validate_crcs=True).iter_messages([topic])]
-
-
-def line_places(geojson: dict[str, Any]) -> list[tuple[float, float]]:
-    geometry = geojson["features"][0]["geometry"]
-    lines = geometry["coordinates"] if geometry["type"] == "MultiLineString" else [geometry["coordinates"]]
-    return [(lat, lon) for line in lines for lon, lat in line]
+from tests.station.exporting import (
+    GEOJSON,
+    HORROR,
+    KINDS,
+    NS,
+    UTC_NS,
+    export,
+    gpx_of,
+    kml_features,
+    kml_places,
+    line_places,
+    mcap_messages,
+    rows_of,
+    sentences,
+)
 
 
 def test_the_formats_of_the_arguments_are_those_there_are() -> None:
@@ -467,177 +288,3 @@ def test_a_log_that_was_cut_is_exported_and_said(
     rows = rows_of(tmp_path / "cut.csv")
     assert 100 < len(rows) < 300
     assert [int(row["t_ns"]) for row in rows] == [item["t_ns"] for item in recorded][: len(rows)]
-
-
-def test_an_empty_log_gives_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = log_of(tmp_path / "empty.mcap", [])
-    (tmp_path / "out").mkdir()
-    for kind in KINDS:
-        assert export(log, "--to", kind, tmp_path / "out" / f"x.{kind}", "--json") == 1
-        said = capsys.readouterr()
-        assert "holds no usable fix; nothing was written" in said.err
-        assert json.loads(said.out.splitlines()[-1])["rows"] == 0
-    assert list((tmp_path / "out").iterdir()) == []
-
-
-def test_frames_without_a_fix_give_no_file(tmp_path: Path) -> None:
-    log = log_of(tmp_path / "x.mcap", [empty_frame(1.0), empty_frame(1.1)])
-    assert export(log, "--to", "csv", tmp_path / "x.csv") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["x.mcap"]
-
-
-def test_what_is_read_is_never_lost(trip: Path, tmp_path: Path) -> None:
-    log = tmp_path / "trip.mcap"
-    log.write_bytes(trip.read_bytes())
-    (tmp_path / "link.mcap").symlink_to(log)
-    before = log.read_bytes()
-    for target in (log, tmp_path / "link.mcap"):
-        with pytest.raises(WayfixError, match="it would be lost"):
-            export(log, "--to", "mcap", target, "--force")
-    copy = tmp_path / "copy.mcap"
-    copy.write_bytes(before)
-    with pytest.raises(WayfixError, match=r"is no mcap file of `wayfix export`"):
-        export(log, "--to", "mcap", copy, "--force")
-    assert log.read_bytes() == copy.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("kind", "ours", "theirs"),
-    [
-        ("gpx", b'creator="wayfix"', b'creator="Garmin"'),
-        ("kml", b"<!-- of wayfix export -->", b""),
-        ("geojson", b'"generator": "wayfix", ', b""),
-        ("png", b"wayfix", b"others"),
-    ],
-)
-def test_force_leaves_foreign_files_of_the_kind_alone(
-    kind: str, ours: bytes, theirs: bytes, trip: Path, tmp_path: Path
-) -> None:
-    target = tmp_path / f"other.{kind}"
-    assert export(trip, "--to", kind, target) == 0
-    foreign = target.read_bytes().replace(ours, theirs, 1)
-    target.write_bytes(foreign)
-    with pytest.raises(WayfixError, match=r"is no .* file of `wayfix export`"):
-        export(trip, "--to", kind, target, "--force")
-    assert target.read_bytes() == foreign
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_only_force_replaces_and_only_its_own_kind(kind: str, trip: Path, out: Path, tmp_path: Path) -> None:
-    target = tmp_path / f"a.{kind}"
-    target.write_bytes((out / f"trip.{kind}").read_bytes()[:1000])
-    with pytest.raises(WayfixError, match=r"exists already; .*--force"):
-        export(trip, "--to", kind, target)
-    assert export(trip, "--to", kind, target, "--force") == 0
-    assert target.stat().st_size > 1000
-    target.write_bytes(b"my diary")
-    with pytest.raises(WayfixError, match=f"exists already and is no {kind} file"):
-        export(trip, "--to", kind, target, "--force")
-    assert target.read_bytes() == b"my diary"
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_full_disk_is_one_sentence_and_no_half_file(
-    kind: str, trip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Every write of every format fails at some byte; what was there before stays."""
-
-    class Full:
-        def __init__(self, stream: Any) -> None:
-            self._stream = stream
-            self._left = 2000
-
-        def write(self, data: bytes) -> int:
-            self._left -= len(data)
-            if self._left < 0:
-                raise OSError(28, "No space left on device")
-            return int(self._stream.write(data))
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self._stream, name)
-
-    opened = Path.open
-
-    def full(path: Path, mode: str = "r", *args: Any, **named: Any) -> Any:
-        stream = opened(path, mode, *args, **named)
-        return _Context(stream, Full(stream)) if mode == "xb" else stream
-
-    class _Context:
-        def __init__(self, stream: Any, shown: Any) -> None:
-            self._stream, self._shown = stream, shown
-
-        def __enter__(self) -> Any:
-            return self._shown
-
-        def __exit__(self, *_: object) -> None:
-            self._stream.close()
-
-    monkeypatch.setattr(Path, "open", full)
-    with pytest.raises(WayfixError, match=r"cannot be written \(No space left"):
-        export(trip, "--to", kind, tmp_path / f"a.{kind}")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_targets_that_cannot_be(trip: Path, tmp_path: Path) -> None:
-    with pytest.raises(WayfixError, match="no such directory"):
-        export(trip, "--to", "gpx", tmp_path / "no" / "a.gpx")
-    with pytest.raises(WayfixError, match="no plain file"):
-        export(trip, "--to", "gpx", tmp_path)
-    with pytest.raises(WayfixError, match="no such directory above it"):
-        export(trip, "--to", "csv", f"{tmp_path}/no/such/")
-    with pytest.raises(WayfixError, match="no plain file"):
-        export(trip, "--to", "csv", "/dev/full")
-
-
-def test_unknown_filters(trip: Path, tmp_path: Path) -> None:
-    with pytest.raises(WayfixError, match="unknown filter 'kalman'"):
-        export(trip, "--to", "csv", tmp_path / "a.csv", "--filter", "kalman")
-    with pytest.raises(WayfixError, match=r"no estimates of kf .*which has fuzzy, ukf; add --order time"):
-        export(trip, "--to", "csv", tmp_path / "a.csv", "--filter", "kf")
-
-
-@pytest.mark.parametrize(
-    ("kind", "package", "extra"), [("parquet", "polars", "analysis"), ("png", "matplotlib", "report")]
-)
-def test_a_missing_package_is_named_before_the_work(
-    kind: str, package: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(WayfixError, match=rf"{package} is missing.*pip install 'wayfix\[{extra}\]'"):
-        export(tmp_path / "not read.mcap", "--to", kind, tmp_path / "a")
-
-
-def test_the_others_need_no_extra(trip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for package in ("polars", "matplotlib"):
-        monkeypatch.setitem(sys.modules, package, None)
-    for kind in set(KINDS) - {"parquet", "png"}:
-        assert export(trip, "--to", kind, tmp_path / f"a.{kind}") == 0
-
-
-def test_a_directory_is_all_or_nothing(trip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    empty = log_of(tmp_path / "empty.mcap", [])
-    assert export(empty, "--to", "csv", f"{tmp_path}/new/") == 1
-    assert not (tmp_path / "new").exists()
-    (tmp_path / "mine").mkdir()
-    assert export(empty, "--to", "csv", tmp_path / "mine") == 1
-    assert (tmp_path / "mine").is_dir()
-    assert export(trip, "--to", "csv", tmp_path / "mine") == 0
-    before = (tmp_path / "mine" / "imu.csv").read_bytes()
-    with pytest.raises(WayfixError, match=r"estimates.csv: exists already"):
-        export(trip, "--to", "csv", tmp_path / "mine")
-    (tmp_path / "mine" / "imu.csv").write_text("my own notes")
-    with pytest.raises(WayfixError, match=r"imu.csv: exists already and is no csv file"):
-        export(trip, "--to", "csv", tmp_path / "mine", "--force")
-    (tmp_path / "mine" / "imu.csv").unlink()
-    monkeypatch.setattr("shore.logbook.exports.table._measured", _fail)
-    with pytest.raises(WayfixError, match="cannot be written"):
-        export(trip, "--to", "csv", tmp_path / "mine", "--force")
-    assert not (tmp_path / "mine" / "imu.csv").exists()
-    monkeypatch.undo()
-    assert export(trip, "--to", "csv", tmp_path / "mine", "--force") == 0
-    assert (tmp_path / "mine" / "imu.csv").read_bytes() == before
-    assert {path.name[0] for path in (tmp_path / "mine").iterdir()} == set("efhi")
-
-
-def _fail(*_: object) -> None:
-    raise OSError(28, "No space left on device")

@@ -18,8 +18,7 @@ from shore.logbook.imports.reader import digest_of
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.main import main
-from tests.station.imports import Importer
-from tests.station.test_import_readers import MAP, T0, delta, sealed, tpv
+from tests.station.imports import MAP, T0, Importer, delta, sealed, tpv
 
 NMEA = "\r\n".join(
     sealed(f"$GPRMC,1200{second:02d},A,6000.{second:03d},N,02400.000,E,8.0,000.0,141124,,,A*") for second in range(20)

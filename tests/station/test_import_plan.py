@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from common.units import NS_PER_S
 from shore.logbook.imports.plan import NO_TIME, Plan
-from tests.station.test_import_readers import T0
+from tests.station.imports import T0
 
 
 def test_a_plan_of_plain_times_is_the_times() -> None:
