@@ -102,7 +102,7 @@ class IntervalKalman(_Around):
         state = self._filter.estimate
         widening = np.zeros_like(state.P)
         widening[..., HEADING, HEADING] = 1.0
-        return replace(state, P=state.P + square(self.half_width_rad**2 / 3.0) * widening)
+        return state._replace(P=state.P + square(self.half_width_rad**2 / 3.0) * widening)
 
     def start(self, x: Array, P: Array) -> None:
         """Begin at a state, without an interval yet; states of biases are not looked at."""

@@ -1,7 +1,6 @@
 """Several filters carried side by side from one moment to the next; all they need to go back is in a `Moment`."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +24,7 @@ class Batch(NamedTuple):
     """Of the IMU that the filters use."""
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(NamedTuple):
     """The memory of all filters at one time; immutable."""
 
     t_ns: int

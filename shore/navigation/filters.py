@@ -7,8 +7,8 @@ the states are arrays (..., n), and measurements and inputs are floats for one b
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -53,8 +53,7 @@ LARGEST_TILT_LEAK_PER_M: Final = 0.4
 """Unbounded, the product of two uncertain states diverged when it was tried."""
 
 
-@dataclass(frozen=True, slots=True)
-class FilterState:
+class FilterState(NamedTuple):
     """Everything a filter remembers; never changed in place."""
 
     space: StateSpace
@@ -78,7 +77,7 @@ class FilterState:
     @property
     def healthy(self) -> bool:
         """All numbers finite and all variances positive."""
-        total = float(self.x.sum()) + float(self.P.sum())
+        total = float(np.add.reduce(self.x, axis=None)) + float(np.add.reduce(self.P, axis=None))
         return math.isfinite(total) and float(min(self.P.diagonal(axis1=-2, axis2=-1).flat)) > 0.0
 
 
@@ -154,7 +153,7 @@ class Filter:
             following = opening.later()
         else:
             following = None if opening.is_over else opening
-        self._state = replace(self.estimate, opening=following)
+        self._state = self.estimate._replace(opening=following)
 
     def _filter_again(self, opening: Opening) -> None:
         """All operations since the start, with the R learned so far; leaves the windows of a filter that knew it."""
@@ -171,7 +170,7 @@ class Filter:
             else:
                 self._fuse(operation)
         noise = {name: each._replace(is_held=False) for name, each in self.estimate.noise.items()}
-        self._state = replace(self.estimate, noise=noise)
+        self._state = self.estimate._replace(noise=noise)
 
     def _pass(self, dt_s: float, imu: ImuInput | None) -> Predicted:
         state = self.estimate
@@ -232,13 +231,13 @@ class Filter:
             if (place := self.facts.space.index(name)) is not None:
                 x = self.estimate.x.copy()
                 x[..., place] += change
-                self._state = replace(self.estimate, x=x)
+                self._state = self.estimate._replace(x=x)
                 self._know(((place, 1.0),), value - part(x, place), stream.variance)
 
     def _know(self, row: Row, innovation: Number, variance: float) -> None:
         state = self.estimate
         x, P = update_scalar(state.gaussian, row, innovation, variance)
-        self._state = replace(state, x=x, P=P)
+        self._state = state._replace(x=x, P=P)
 
     def _update(self, name: str, row: Row, innovation: Number) -> None:
         """Adapt R of the channel, then update with it (order of thesis section 5.1.2)."""

@@ -1,5 +1,6 @@
 """The local plane against pyproj's topocentric transform, and there and back."""
 
+import math
 import random
 
 import pytest
@@ -41,12 +42,22 @@ def test_east_and_north_agree_with_pyproj_to_a_micrometre_within_20_km(lat_deg: 
         assert plane.to_east_north_m(lat, lon) == pytest.approx((east, north), abs=1e-6)
 
 
-@pytest.mark.parametrize(("lat_deg", "lon_deg"), ORIGINS)
-def test_there_and_back_is_exact_to_1e_9_degrees(lat_deg: float, lon_deg: float) -> None:
+@pytest.mark.parametrize(("lat_deg", "lon_deg"), [*ORIGINS, (90.0, 0.0), (-90.0, 30.0)])
+def test_there_and_back_is_exact_to_1e_12_degrees_within_3000_km(lat_deg: float, lon_deg: float) -> None:
     plane = LocalPlane(lat_deg, lon_deg)
-    for lat, lon in around(lat_deg, lon_deg, 100, 20_000.0):
-        back = plane.to_lat_lon_deg(*plane.to_east_north_m(lat, lon))
-        assert back == pytest.approx((lat, lon), abs=1e-9)
+    for within_m in (100.0, 20_000.0, 3e6):
+        for lat, lon in around(lat_deg, lon_deg, 100, within_m):
+            back_lat, back_lon = plane.to_lat_lon_deg(*plane.to_east_north_m(lat, lon))
+            assert back_lat == pytest.approx(lat, abs=1e-12)
+            turn = math.remainder(back_lon - lon, 360.0) * math.cos(math.radians(lat))
+            assert turn == pytest.approx(0.0, abs=1e-12)
+
+
+def test_beyond_the_rim_of_the_earth_there_is_no_place() -> None:
+    plane = LocalPlane(50.3, -4.1)
+    assert plane.to_lat_lon_deg(6.3e6, 0.0) == pytest.approx((5.6, 76.8), abs=10)
+    for far in ((6.5e6, 0.0), (0.0, -1e9), (1e300, 1e300), (math.inf, 0.0), (math.nan, 0.0)):
+        assert all(map(math.isnan, plane.to_lat_lon_deg(*far)))
 
 
 def test_the_plane_measures_like_the_geodesic_and_points_the_right_way() -> None:

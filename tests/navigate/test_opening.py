@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,4 +126,4 @@ def test_another_start_forgets_it(poor: Batch) -> None:
     go(each, poor, 0, range(1, 7))
     x, P = each.estimate.x, each.estimate.P
     each.start(x, P)
-    assert each.estimate == replace(FilterState(StateSpace(), x, P, {}), opening=opening.Opening(x, P))
+    assert each.estimate == FilterState(StateSpace(), x, P, {}, opening=opening.Opening(x, P))

@@ -80,7 +80,7 @@ def test_a_state_that_is_not_finite_costs_nothing_of_what_came_before(
     def fail_once(self: Recorder, dt_s: float, imu: ImuInput | None) -> Predicted:
         predicted = predict(self, dt_s, imu)
         if next(passes) == 800:
-            self._state = replace(self.estimate, x=np.full_like(predicted.x, np.nan))
+            self._state = self.estimate._replace(x=np.full_like(predicted.x, np.nan))
         return predicted
 
     monkeypatch.setattr(Recorder, "_pass", fail_once)
