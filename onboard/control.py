@@ -8,10 +8,12 @@ import asyncio
 import json
 import logging
 import os
+import select
 import socket
 import struct
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,9 +32,20 @@ ANSWER_BYTES: Final = 2**20
 MAX_CONNECTIONS: Final = 16
 IDLE_S: Final = 30.0
 """A connection that asks nothing for so long is closed."""
+GONE_S: Final = 0.5
+"""Between two looks whether somebody still waits."""
 DEFAULT_RUNTIME: Final = Path("/run/wayfix")
 """RuntimeDirectory= of deploy/wayfix-onboard.service."""
 _CREDENTIALS: Final = struct.Struct("3i")
+
+
+@dataclass(frozen=True, slots=True)
+class Lasting:
+    """A request that is worth its answer only while somebody waits for it."""
+
+    handler: Handler
+    gone: Callable[[], None]
+    """Called when whoever asked went away before the answer."""
 
 
 class Control:
@@ -41,7 +54,7 @@ class Control:
     def __init__(
         self,
         directory: Path | None,
-        handlers: Mapping[str, Handler],
+        handlers: Mapping[str, Handler | Lasting],
         tell: Callable[[Event], None],
         now_ns: Callable[[], int],
     ) -> None:
@@ -87,7 +100,7 @@ class Control:
                 return
             self._connections.add(task)
             while line := await asyncio.wait_for(reader.readline(), IDLE_S):
-                await _send(writer, await self._answer(line))
+                await _send(writer, await self._answer(line, writer))
         except ValueError:  # readline: longer than the limit
             with suppress(OSError):
                 await _send(writer, _refusal(WayfixError(f"a request has at most {REQUEST_BYTES} bytes", NAME)))
@@ -97,7 +110,7 @@ class Control:
             self._connections.discard(task)
             writer.close()
 
-    async def _answer(self, line: bytes) -> dict[str, Any]:
+    async def _answer(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:
         try:
             request = json.loads(line)
         except (ValueError, RecursionError):
@@ -107,8 +120,11 @@ class Control:
         handler = self._handlers.get(request["do"])
         if handler is None:
             return _refusal(WayfixError("no such request", NAME, f"there are {', '.join(sorted(self._handlers))}"))
+        fields = {name: value for name, value in request.items() if name != "do"}
         try:
-            return {"ok": True, **await handler({name: value for name, value in request.items() if name != "do"})}
+            if isinstance(handler, Lasting):
+                return {"ok": True, **await _while_heard(handler, fields, writer)}
+            return {"ok": True, **await handler(fields)}
         except WayfixError as error:
             return _refusal(error)
         except Exception:  # whatever was asked, the daemon lives
@@ -225,6 +241,20 @@ def _permitted(writer: asyncio.StreamWriter) -> bool:
     peer = writer.get_extra_info("socket").getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     _, uid, _ = _CREDENTIALS.unpack(peer)
     return uid in (0, os.geteuid())
+
+
+async def _while_heard(request: Lasting, fields: dict[str, Any], writer: asyncio.StreamWriter) -> dict[str, Any]:
+    poll = select.poll()
+    poll.register(writer.get_extra_info("socket").fileno(), 0)  # POLLHUP alone: closed both ways, not only for writing
+    work, done = asyncio.ensure_future(request.handler(fields)), set[Any]()
+    try:
+        while not done and not poll.poll(0):
+            done, _ = await asyncio.wait({work}, timeout=GONE_S)
+        if not done:
+            request.gone()
+        return await work
+    finally:
+        work.cancel()
 
 
 async def _send(writer: asyncio.StreamWriter, answer: dict[str, Any]) -> None:

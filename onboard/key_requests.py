@@ -9,7 +9,7 @@ from common.events import event
 from common.keys import fingerprint
 from common.messages import Event
 from onboard.access import Access
-from onboard.control import NAME, Handler, text_of
+from onboard.control import NAME, Handler, Lasting, text_of
 from onboard.pairing import PairingPort, Request
 
 
@@ -30,11 +30,11 @@ class KeyRequests:
         self._now_ns = now_ns
         self._changed = changed
 
-    def handlers(self) -> dict[str, Handler]:
+    def handlers(self) -> dict[str, Handler | Lasting]:
         """For `Control`."""
         return {
             "pair": self._pair,
-            "pair-outcome": self._pair_outcome,
+            "pair-outcome": Lasting(self._pair_outcome, self._shower_gone),
             "pair-close": self._pair_close,
             "keys": self._keys,
             "revoke": self._revoke,
@@ -67,6 +67,9 @@ class KeyRequests:
     async def _pair_outcome(self, _fields: dict[str, Any]) -> dict[str, Any]:
         paired, text = await self._port.outcome()
         return {"paired": paired, "text": text}
+
+    def _shower_gone(self) -> None:
+        self._port.close("the program that showed the code is gone")
 
     async def _pair_close(self, _fields: dict[str, Any]) -> dict[str, Any]:
         self._port.close("it was called off")

@@ -8,6 +8,7 @@ import stat
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
@@ -26,6 +27,7 @@ from onboard.control import (
     REQUEST_BYTES,
     Control,
     Handler,
+    Lasting,
     ask,
     has_terminal,
     runtime_of,
@@ -42,10 +44,10 @@ A, B = (key_text(bytes([number]) * 32) for number in (1, 2))
 class Bench:
     """A control socket in a loop of its own, so that the test can ask as another process would."""
 
-    def __init__(self, directory: Path, handlers: dict[str, Handler] | None = None) -> None:
+    def __init__(self, directory: Path, handlers: dict[str, Handler | Lasting] | None = None) -> None:
         self.directory = directory
         self.events: list[Event] = []
-        own: dict[str, Handler] = {"echo": self.echo, "refuse": self.refuse, "fail": self.fail}
+        own: dict[str, Handler | Lasting] = {"echo": self.echo, "refuse": self.refuse, "fail": self.fail}
         self.handlers = own if handlers is None else handlers
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()))
         self._started = threading.Event()
@@ -375,6 +377,21 @@ def test_a_pairing_is_called_off(tmp_path: Path) -> None:
         assert ask(tmp_path, "pair-outcome") == {"paired": False, "text": "it was called off"}
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.1", opened["port"]), 5)
+    assert [event.code for event in bench.events] == ["pairing-open", "pairing-failed"]
+
+
+def test_a_code_ends_with_the_program_that_showed_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("onboard.control.GONE_S", 0.02)
+    with KeyBench(tmp_path) as bench:
+        ask(tmp_path, "pair", port=0)
+        with socket.socket(socket.AF_UNIX) as line:
+            line.connect(str(tmp_path / NAME))
+            line.sendall(b'{"do": "pair-outcome"}\n')
+            line.shutdown(socket.SHUT_WR)
+            time.sleep(0.1)
+            assert [event.code for event in bench.events] == ["pairing-open"]
+        told = ask(tmp_path, "pair-outcome")
+    assert told == {"paired": False, "text": "the program that showed the code is gone"}
     assert [event.code for event in bench.events] == ["pairing-open", "pairing-failed"]
 
 
