@@ -44,12 +44,12 @@ def _pair(arguments: argparse.Namespace) -> int:
     """Print a code that `wayfix pair` ashore asks for, and wait until it is used. Exit code 1 = it was not."""
     where = runtime_of(arguments.runtime, os.environ)
     wanted = {"command": arguments.may_command, "name": arguments.name, "port": arguments.port}
-    opened = ask(where, "pair", ANSWER_S, **wanted)
-    _tell(opened["code"])
-    _say(f"ashore, within {opened['seconds']} s: wayfix pair ADDRESS (port {opened['port']}), then type this code")
     for ending in (signal.SIGTERM, signal.SIGHUP):  # a closed terminal calls it off too
         signal.signal(ending, signal.default_int_handler)
+    opened = ask(where, "pair", ANSWER_S, **wanted)
     try:
+        _tell(opened["code"])
+        _say(f"ashore, within {opened['seconds']} s: wayfix pair ADDRESS (port {opened['port']}), then type this code")
         outcome = ask(where, "pair-outcome", opened["seconds"] + ANSWER_S)
     except KeyboardInterrupt:
         ask(where, "pair-close", ANSWER_S)

@@ -34,7 +34,7 @@ class KeyRequests:
         """For `Control`."""
         return {
             "pair": self._pair,
-            "pair-outcome": Lasting(self._pair_outcome, self._shower_gone),
+            "pair-outcome": Lasting(self._pair_outcome, self._call_off),
             "pair-close": self._pair_close,
             "keys": self._keys,
             "revoke": self._revoke,
@@ -68,12 +68,12 @@ class KeyRequests:
         paired, text = await self._port.outcome()
         return {"paired": paired, "text": text}
 
-    def _shower_gone(self) -> None:
-        self._port.close("the program that showed the code is gone")
-
     async def _pair_close(self, _fields: dict[str, Any]) -> dict[str, Any]:
-        self._port.close("it was called off")
+        self._call_off()
         return {}
+
+    def _call_off(self) -> None:
+        self._port.close("it was called off")
 
     async def _keys(self, _fields: dict[str, Any]) -> dict[str, Any]:
         keys = [

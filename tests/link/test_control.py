@@ -391,7 +391,7 @@ def test_a_code_ends_with_the_program_that_showed_it(tmp_path: Path, monkeypatch
             time.sleep(0.1)
             assert [event.code for event in bench.events] == ["pairing-open"]
         told = ask(tmp_path, "pair-outcome")
-    assert told == {"paired": False, "text": "the program that showed the code is gone"}
+    assert told == {"paired": False, "text": "it was called off"}
     assert [event.code for event in bench.events] == ["pairing-open", "pairing-failed"]
 
 
