@@ -141,7 +141,7 @@ class SensorMonitor:
         # What came before the port was lost and opened says nothing of what is plugged in now.
         if last_ns is not None and last_ns >= self._opened_ns and now_ns - last_ns <= self._stale_ns:
             return "delivering", self.wire.damage
-        return "silent", self._why_silent(now_ns)
+        return "silent", "; ".join(filter(None, (self._why_silent(now_ns), self.wire.damage)))
 
     def _quiet(self, now_ns: int) -> str | None:
         quiet_ns = now_ns - max(self._last_good_ns or 0, self._opened_ns)

@@ -77,6 +77,18 @@ def test_bad_lines_are_counted_by_reason_and_named_while_nothing_is_readable() -
     assert health.reason == "3 bad lines came, no good one: checksum 2, range 1"
 
 
+def test_damage_that_was_told_stays_named_while_it_leaves_no_good_line_at_all() -> None:
+    watched = monitor()
+    watched.port_changed(None, 0)
+    watched.accept(NS_PER_S, True)
+    watched.report(NS_PER_S)
+    watched.wire.heard_bytes += 90
+    watched.wire.damage = "30 of 90 lines damaged: a second reader?"
+    watched.reject("checksum")
+    told = "1 bad lines came, no good one: checksum 1; 30 of 90 lines damaged: a second reader?"
+    assert watched.state(20 * NS_PER_S) == ("silent", told)
+
+
 def test_a_sensor_that_never_delivers_is_told_once_with_what_is_known_of_it() -> None:
     watched = monitor()
     watched.port_changed(None, 0)

@@ -156,9 +156,11 @@ def rig(
 
 
 def speaking(board: Rig) -> int:
-    """Waits until all compasses deliver; returns how many events were told until then."""
-    told = "sensor-delivering"
-    board.until(lambda: len({item.source for item in board.events if item.code == told}) == len(board.devices))
+    """Waits until the client has joined and all compasses deliver; returns how many events were told until then."""
+    expected = {("link", "client-joined")} | {
+        (f"compass{k + 1}", "sensor-delivering") for k in range(len(board.devices))
+    }
+    board.until(lambda: expected <= set(board.told(0)))
     return len(board.events)
 
 

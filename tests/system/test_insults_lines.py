@@ -72,6 +72,7 @@ def test_half_lines_are_never_joined_to_a_wrong_value(tmp_path: Path) -> None:
 
 THIEF: Final = """
 import os, random, select, sys, time
+random.seed(1)
 port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
 while True:
     select.select([port], [], [])
@@ -80,11 +81,17 @@ while True:
 """
 
 
+def half_a_line(k: int) -> bytes:
+    return hdg(k // 2 % 3600 / 10)[9 * (k % 2) : 9 if k % 2 == 0 else None]
+
+
 def test_a_second_reader_that_steals_is_told_once_and_its_end_once(tmp_path: Path) -> None:
     with rig(tmp_path, "one", "two", clock_rate=8, rate_hz=150) as board:
         device, board.devices["two"].rate_hz = board.devices["one"], 40
-        device.line = lambda k: hdg(k // 2 % 3600 / 10)[9 * (k % 2) : 9 if k % 2 == 0 else None]
+        device.line = half_a_line
         since = speaking(board)
+        # Who wins the race for a byte is the machine's matter: two halves in five are lost whatever the thief gets.
+        device.line = lambda k: b"" if k % 5 in (1, 2) else half_a_line(k)
         thief = subprocess.Popen([sys.executable, "-c", THIEF, board.devices["one"].number])
         try:
             told = board.until_event("lines-damaged", since=since)
@@ -95,9 +102,10 @@ def test_a_second_reader_that_steals_is_told_once_and_its_end_once(tmp_path: Pat
         finally:
             thief.kill()
             thief.wait()
+            device.line = half_a_line
         board.until_event("lines-clean", since=since)
         board.boat_seconds(12)
-        # On a busy machine the thief may get every byte for 3 s of the boat clock: that silence is told besides.
+        # The thief may get every byte for 3 s of the boat clock: that silence is told besides.
         of_lines = [told for told in board.told(since) if told[0] == "one"]
         assert of_lines == [("one", "lines-damaged"), ("one", "lines-clean")]
         assert board.health["compass1"].reason is None
