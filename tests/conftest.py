@@ -1,12 +1,18 @@
 """What every test shares: small hypothesis runs by default, so that the whole suite stays quick on two cores."""
 
 import os
+import signal
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("quick", max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("quick")
+
+
+def pytest_sessionstart() -> None:
+    """A shell starts background jobs with SIGINT ignored, and so would be the programs that the tests interrupt."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
