@@ -36,6 +36,8 @@ from onboard.spool import Spool
 log = logging.getLogger(__name__)
 
 DRAIN_S: Final = 0.5
+GOODBYE_S: Final = 1.0
+"""With the other waits of the end less than TimeoutStopSec= of deploy/wayfix-onboard.service."""
 EVERYTHING: Final = frozenset({"read", "command"})
 CATCH_UP_NS: Final = 60 * NS_PER_S
 """A board that slept longer than this (suspend) leaves a hole in the grid instead of a burst of empty frames."""
@@ -211,8 +213,8 @@ class Daemon:
         self.server.publish(self.acquisition.frame(max(now_ns, self.acquisition.framer.t0_ns) + NS_PER_US))
         serving = asyncio.create_task(self.server.run())
         await self.server.drain(DRAIN_S)
+        await self.server.end_all("the daemon stops", GOODBYE_S)
         serving.cancel()
-        self.server.end_all("the daemon stops")
         self.server.close()
         if self._zap is not None:
             self._zap.close()

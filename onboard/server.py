@@ -88,6 +88,7 @@ class Server:
         self._commands: set[asyncio.Task[None]] = set()
         self._command_paces: dict[str | None, Pace] = {}
         self._news = Pace(NEWS_AT_ONCE, NEWS_PER_S)
+        self._stopping: str | None = None
         self.malformed = 0
 
     @property
@@ -132,20 +133,20 @@ class Server:
                 self._send(client, [session.pack("error", what=NOT_LISTED, cure=CURE_PAIR)])
                 self._forget(key, "its key was removed")
 
-    def end_all(self, reason: str) -> None:
-        """Send `end` to every session: the daemon stops."""
+    async def drain(self, deadline_s: float) -> None:
+        """Give clients a moment to take the last frames."""
+        await _until(lambda: not any(self._is_behind(client) for client in self._sessions.values()), deadline_s)
+
+    async def end_all(self, reason: str, deadline_s: float) -> None:
+        """Send `end` to every session and wait for its `bye`: the daemon stops.
+
+        A connection that is closed while something unread has come over it takes along what was sent last.
+        """
+        self._stopping = reason
         for client in self._sessions.values():
             if not client.is_ended:
                 self._end(client, reason)
-        self._sessions.clear()
-
-    async def drain(self, deadline_s: float) -> None:
-        """Give clients a moment to take the last frames."""
-        steps = 50
-        for _ in range(steps):
-            if not any(self._is_behind(client) for client in self._sessions.values()):
-                return
-            await asyncio.sleep(deadline_s / steps)
+        await _until(lambda: all(client.connection is None for client in self._sessions.values()), deadline_s)
 
     def close(self) -> None:
         """Close the socket."""
@@ -204,6 +205,8 @@ class Server:
             )
         client = self._sessions.get((key, lease.session))
         if client is None:
+            if self._stopping is not None:
+                return
             if "schema" in message and (fault := session.version_fault(message)) is not None:
                 self._reply(routing_id, "error", what=fault, cure="")
                 return
@@ -226,6 +229,8 @@ class Server:
         )
         self._send_newest(client)
         self._filling.wake()
+        if self._stopping is not None and not client.is_ended:
+            self._end(client, self._stopping)
 
     def _refusal(self, key: str | None) -> tuple[str, str] | None:
         """Why there is no place for one more client with this key, and what to do."""
@@ -305,6 +310,15 @@ class Server:
         task = asyncio.ensure_future(work(self._command))
         self._commands.add(task)
         task.add_done_callback(self._commands.discard)
+
+
+async def _until(true: Callable[[], bool], deadline_s: float) -> None:
+    """Wait for it, no longer than the deadline."""
+    steps = 50
+    for _ in range(steps):
+        if true():
+            return
+        await asyncio.sleep(deadline_s / steps)
 
 
 def _printable(text: object) -> str:

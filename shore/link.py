@@ -186,6 +186,7 @@ class Link:
         if kind == "alive":
             return self._alive(message)
         if kind == "end":
+            self._send("bye", session=self._session)  # a board that stops waits for it
             return Received(end=message)
         if kind == "connected":
             return Received(connected=self._greeted(message))

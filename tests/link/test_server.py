@@ -295,6 +295,35 @@ def test_a_client_whose_connection_is_gone_is_kept_for_its_lease() -> None:
     on_bench(run)
 
 
+def test_a_board_that_stops_waits_for_goodbye_and_forgets_nobody_who_comes_meanwhile() -> None:
+    async def run(bench: Bench) -> None:
+        first, second = await bench.joined(), await bench.joined()
+        stopping = asyncio.create_task(bench.server.end_all("the daemon stops", 5))
+        assert (await first.expect("end"))["reason"] == "the daemon stops"
+        await first.say("bye", session=first.name)
+        again = Client(bench.context, bench.endpoint, second.name)  # its connection broke: `end` is lost
+        bench.clients.append(again)
+        await again.lease()
+        await again.expect("alive")
+        await again.expect("end")
+        assert not stopping.done()
+        stranger = bench.client()
+        await stranger.lease()
+        await again.say("bye", session=again.name)
+        await asyncio.wait_for(stopping, 2)
+        assert await stranger.is_quiet()
+
+    on_bench(run)
+
+
+def test_a_client_that_says_no_goodbye_holds_up_no_board_longer_than_allowed() -> None:
+    async def run(bench: Bench) -> None:
+        await bench.joined()
+        await asyncio.wait_for(bench.server.end_all("the daemon stops", 0.3), 2)
+
+    on_bench(run)
+
+
 def test_all_clients_together_are_filled_at_the_rate_that_is_allowed() -> None:
     async def run(bench: Bench) -> None:
         client = await bench.joined()
