@@ -11,8 +11,8 @@ import os
 import select
 import socket
 import struct
-from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -161,16 +161,35 @@ def runtime_of(given: Path | None, environ: Mapping[str, str]) -> Path:
 
 def ask(directory: Path, do: str, timeout_s: float = 10.0, **fields: Any) -> dict[str, Any]:
     """Ask the running daemon; returns the fields of its answer. Raises WayfixError."""
+    with asked(directory, do, timeout_s, **fields) as answer:
+        return answer()
+
+
+@contextmanager
+def asked(directory: Path, do: str, timeout_s: float = 10.0, **fields: Any) -> Iterator[Callable[[], dict[str, Any]]]:
+    """While the daemon has the request: what waits for the fields of its answer. Both raise WayfixError."""
     file = directory / NAME
     request = json.dumps({"do": do, **fields}).encode() + b"\n"
-    try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
-            line.settimeout(timeout_s)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
+        line.settimeout(timeout_s)
+        with _in_words(file, timeout_s):
             line.connect(str(file))
             line.sendall(request)
-            answer = _line_from(line)
-    except (ConnectionResetError, BrokenPipeError):
-        answer = b""
+
+        def answer() -> dict[str, Any]:
+            with _in_words(file, timeout_s):
+                return _fields_of(_line_from(line), file)
+
+        yield answer
+
+
+@contextmanager
+def _in_words(file: Path, timeout_s: float) -> Iterator[None]:
+    """What goes wrong with the daemon's socket as a WayfixError."""
+    try:
+        yield
+    except (ConnectionResetError, BrokenPipeError) as error:
+        raise _silent(file) from error
     except (FileNotFoundError, ConnectionRefusedError) as error:
         cure = "start it, or give its runtime directory with --runtime DIR"
         raise WayfixError("no daemon answers there", str(file), cure) from error
@@ -181,9 +200,16 @@ def ask(directory: Path, do: str, timeout_s: float = 10.0, **fields: Any) -> dic
         raise WayfixError(what, str(file), "read its log (journalctl -u wayfix-onboard)") from error
     except OSError as error:
         raise WayfixError(f"the daemon cannot be asked ({error.strerror or error})", str(file)) from error
+
+
+def _silent(file: Path) -> WayfixError:
+    cure = "call this as root (sudo) or as the daemon's user, on the board"
+    return WayfixError("the daemon gave no answer", str(file), cure)
+
+
+def _fields_of(answer: bytes, file: Path) -> dict[str, Any]:
     if not answer:
-        cure = "call this as root (sudo) or as the daemon's user, on the board"
-        raise WayfixError("the daemon gave no answer", str(file), cure)
+        raise _silent(file)
     try:
         told = json.loads(answer)
         ok = told.pop("ok")

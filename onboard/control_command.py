@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from common.command import flat, number
-from onboard.control import ask, runtime_of
+from onboard.control import ask, asked, runtime_of
 
 ANSWER_S = 15.0
 
@@ -48,9 +48,12 @@ def _pair(arguments: argparse.Namespace) -> int:
         signal.signal(ending, signal.default_int_handler)
     opened = ask(where, "pair", ANSWER_S, **wanted)
     try:
-        _tell(opened["code"])
-        _say(f"ashore, within {opened['seconds']} s: wayfix pair ADDRESS (port {opened['port']}), then type this code")
-        outcome = ask(where, "pair-outcome", opened["seconds"] + ANSWER_S)
+        # Asked before anybody sees the code: from here on the code ends with this program.
+        with asked(where, "pair-outcome", opened["seconds"] + ANSWER_S) as answer:
+            _tell(opened["code"])
+            port, seconds = opened["port"], opened["seconds"]
+            _say(f"ashore, within {seconds} s: wayfix pair ADDRESS (port {port}), then type this code")
+            outcome = answer()
     except KeyboardInterrupt:
         ask(where, "pair-close", ANSWER_S)
         _say("called off: the code is worth nothing")
