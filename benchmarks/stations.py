@@ -8,6 +8,7 @@ All know when frame n was made: at t0_ns + (n + 1) * period_ns (benchmarks.board
 import json
 import sys
 import threading
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -36,7 +37,7 @@ class Arrival:
     """No later one was here before."""
 
 
-class Listener:
+class Listener(ABC):
     """Arrivals, gathered in a thread of its own; `stop` it."""
 
     def __init__(self, ready: dict[str, Any]) -> None:
@@ -71,8 +72,9 @@ class Listener:
         self._newest = max(self._newest, seq)
         self.arrivals.append(item)
 
+    @abstractmethod
     def _work(self) -> None:
-        raise NotImplementedError
+        """Take frames until stopped."""
 
 
 class Station(Listener):
