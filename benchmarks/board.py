@@ -24,9 +24,9 @@ from common.framer import Identity
 from common.messages import Event, Fix, Frame, RawLine
 from common.sensors import SpoolTable
 from common.units import NS_PER_S
-from onboard.access import Access, Zap
-from onboard.router import Router
-from onboard.server import Limits, Server
+from onboard.link.access import Access, Zap
+from onboard.link.router import Router
+from onboard.link.server import Limits, Server
 from onboard.spool import Spool
 
 BOOT = "ab" * 8

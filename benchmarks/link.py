@@ -29,8 +29,8 @@ from benchmarks.stations import Listener, PlainSub, Small, Station, crowd
 from common.clock import boottime_ns
 from common.keys import new_keys
 from common.units import NS_PER_S
-from onboard.access import READ, Access
-from shore.link import LinkKeys
+from onboard.link.access import READ, Access
+from shore.link.link import LinkKeys
 from tests.link.relay import Relay
 
 CROWD_BYTES: Final = 1_800

@@ -19,8 +19,8 @@ from common.clock import boottime_ns
 from common.codec import decode_frame
 from common.session import Lease
 from common.units import NS_PER_S
-from shore.ledger import Ledger
-from shore.link import Link, LinkKeys, Wants
+from shore.link.ledger import Ledger
+from shore.link.link import Link, LinkKeys, Wants
 
 RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
 

@@ -20,17 +20,17 @@ from common.messages import Event, Frame
 from common.sensors import BoatConfig
 from common.settings import as_dict
 from common.units import NS_PER_S, NS_PER_US
-from onboard.access import Access, Zap
-from onboard.acquisition import Acquisition, PortChain, versions
 from onboard.alive import AliveMark
-from onboard.commands import Commands
-from onboard.control import Control, has_terminal
-from onboard.key_requests import KeyRequests
+from onboard.control.commands import Commands
+from onboard.control.key_requests import KeyRequests
+from onboard.control.socket import Control, has_terminal
+from onboard.link.access import Access, Zap
+from onboard.link.pairing_port import PairingPort
+from onboard.link.router import Router
+from onboard.link.server import Limits, Server
 from onboard.notify import Notifier
-from onboard.pairing import PairingPort
-from onboard.ports import Port
-from onboard.router import Router
-from onboard.server import Limits, Server
+from onboard.reading.acquisition import Acquisition, PortChain, versions
+from onboard.reading.ports import Port
 from onboard.spool import Spool
 
 log = logging.getLogger(__name__)

@@ -81,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     add_arguments(virtual)
     virtual.set_defaults(command=_virtual)
 
-    from onboard.control_command import add_arguments as add_control_arguments
+    from onboard.control.command import add_arguments as add_control_arguments
     from onboard.spool.command import add_arguments as add_spool_arguments
 
     add_control_arguments(commands)
@@ -91,9 +91,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     """Poll all sensors and stream timestamped frames until SIGTERM or Ctrl-C. One JSON line says when it is ready."""
-    from onboard.access import Access
     from onboard.config import bind_fault, load
     from onboard.daemon import Daemon
+    from onboard.link.access import Access
 
     config = load(arguments.config)
     if arguments.max_clients is not None:
@@ -121,7 +121,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> int:
     """Check a configuration file and try every port; exit code 2 when something is wrong."""
     from onboard.config import load
-    from onboard.ports import OPEN_ERRORS, open_serial, reason_of
+    from onboard.reading.ports import OPEN_ERRORS, open_serial, reason_of
 
     config = load(arguments.config)
     print(f"{arguments.config}: boat {config.boat.id}, {len(config.port)} ports, {len(config.sensor)} sensors")
@@ -154,7 +154,7 @@ def _convert(arguments: argparse.Namespace) -> int:
 
     Exit code 1: no line of the recording was of any use.
     """
-    from onboard.convert import convert, words
+    from onboard.recorded.convert import convert, words
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

@@ -27,11 +27,11 @@ from common.errors import LinkError, WayfixError
 from common.key_list import Entry, with_entry
 from common.keys import new_keys, write_own
 from common.session import MAX_WINDOW
-from shore.link import Link, LinkKeys
-from shore.live import LiveRun, Options, StopFlag, Tally
+from shore.link.link import Link, LinkKeys
+from shore.live.run import LiveRun, Options, StopFlag, Tally
 from shore.logbook.read import read_log
 from shore.replay.run import logged_config
-from shore.score import score_of
+from shore.report.score import score_of
 
 READY_S: Final = 20.0
 DRAIN_BOAT_S: Final = 1.0

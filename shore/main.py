@@ -10,15 +10,15 @@ from typing import Any
 
 from common.command import number, run_command
 from common.errors import WayfixError
-from shore.boat_command import add_arguments as add_boat_arguments
-from shore.connect_command import add_arguments as add_connect_arguments
+from shore.exports.arguments import add_arguments as add_export_arguments
+from shore.imports.arguments import add_arguments as add_import_arguments
 from shore.lab.arguments import add_arguments as add_lab_arguments
-from shore.logbook.arguments import add_arguments as add_log_arguments
-from shore.logbook.exports.arguments import add_arguments as add_export_arguments
-from shore.logbook.imports.arguments import add_arguments as add_import_arguments
-from shore.pair_command import add_arguments as add_pair_arguments
+from shore.link.boat_command import add_arguments as add_boat_arguments
+from shore.link.pair_command import add_arguments as add_pair_arguments
+from shore.live.command import add_arguments as add_connect_arguments
 from shore.replay.command import add_arguments as add_replay_arguments
 from shore.terminal import add_json, filters_named, finish, say
+from shore.trips.arguments import add_arguments as add_log_arguments
 
 # Five-by-five matrices get slower, and timings jump, when a linear algebra library starts threads for them.
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -80,7 +80,7 @@ def _add_demo(commands: Any) -> None:
 
 def _connect(arguments: argparse.Namespace) -> int:
     """Join a boat, filter and log its frames until Ctrl-C, or M frames. Exit code 1 = fewer than M."""
-    from shore.connect_command import run
+    from shore.live.command import run
 
     return run(arguments)
 
@@ -88,7 +88,7 @@ def _connect(arguments: argparse.Namespace) -> int:
 def _demo(arguments: argparse.Namespace) -> int:
     """Start a virtual boat and the daemon, run the station on them, print a table and save a picture."""
     from shore.demo import Demo, DemoOptions
-    from shore.score import score_table
+    from shore.report.score import score_table
 
     if (arguments.recording is None) != (arguments.map is None):
         raise WayfixError("--recording and --map go together", cure="give both (deploy/examples/blueboat-map.toml)")
@@ -131,35 +131,35 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _log(arguments: argparse.Namespace) -> int:
     """The trips of a logbook. Cut and damaged logs are read; those being written are left alone."""
-    from shore.logbook.command import run
+    from shore.trips.command import run
 
     return run(arguments)
 
 
 def _import(arguments: argparse.Namespace) -> int:
     """Make a log of a recording: serial ones, CSV with a mapping, gpsd JSON, Signal K; told by its content."""
-    from shore.logbook.imports.command import run
+    from shore.imports.command import run
 
     return run(arguments)
 
 
 def _export(arguments: argparse.Namespace) -> int:
     """Write the track of a log, with its events, for other programs."""
-    from shore.logbook.exports.command import run
+    from shore.exports.command import run
 
     return run(arguments)
 
 
 def _pair(arguments: argparse.Namespace) -> int:
     """Pair with a boat by the code that `wayfix-onboard pair` shows on it."""
-    from shore.pair_command import run
+    from shore.link.pair_command import run
 
     return run(arguments)
 
 
 def _boat(arguments: argparse.Namespace) -> int:
     """Ask a boat's daemon for something; it is an event in every log. Needs the right `command` (docs/security.md)."""
-    from shore.boat_command import run
+    from shore.link.boat_command import run
 
     return run(arguments)
 

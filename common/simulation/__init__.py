@@ -1,1 +1,1 @@
-"""Truth and error models: what the virtual boat plays and what the laboratory measures filters with."""
+"""Simulated worlds: scenarios, truth, sensors with their flaws, and recordings played as a boat."""

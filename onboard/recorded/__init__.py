@@ -1,1 +1,1 @@
-"""Recordings of serial ports: their lines, when each was sent, and which sensors speak in them."""
+"""Recordings of serial ports: played on the time inside their sentences, or converted into a frames file."""

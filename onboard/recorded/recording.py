@@ -1,8 +1,9 @@
 """A recording of a serial port as its lines: what was on the wire, and what a program or a person wrote around it.
 
-A line ends at CR, LF or any number of them, as for `onboard.lines`; empty lines are sent with the line before and not
-counted. `#` lines at the beginning are the head of a gpsd log. In a table (CSV rows with a quoted sentence, tag blocks
-or time stamps before it) the sentence is what was sent; every other file is what was sent, whatever it holds.
+A line ends at CR, LF or any number of them, as for `onboard.reading.lines`; empty lines are sent with the line before
+and not counted. `#` lines at the beginning are the head of a gpsd log. In a table (CSV rows with a quoted sentence,
+tag blocks or time stamps before it) the sentence is what was sent; every other file is what was sent, whatever it
+holds.
 """
 
 import hashlib

@@ -10,8 +10,8 @@ from typing import Any
 from common.errors import WayfixError
 from common.sensors import BoatConfig, BoatTable, LinkTable, PortTable, SensorTable
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.recorded.found import port_budget, sensor_tables, sensors_in
 from onboard.recorded.recording import LAG_NS, Paced, pace, read_recording
+from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 from onboard.recorded.sentence_time import tod_step_ms
 from onboard.virtual.pacing import SerialLine
 

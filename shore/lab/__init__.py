@@ -1,1 +1,1 @@
-"""The laboratory: scenarios x filters x seeds, beside the published tables and the bound nobody can beat."""
+"""`wayfix lab`: Monte Carlo runs of the filters in simulated worlds, beside the thesis' tables."""

@@ -22,10 +22,10 @@ from common.simulation.scenario import Scenario
 from shore.lab.bound import posterior_bound
 from shore.lab.methods import METHODS, ORACLE, Method, Stepped
 from shore.lab.statistics import CHANNELS, STATES, nees, spans, squared_errors
-from shore.navigation.adaptation import Channel
 from shore.navigation.filters import Filter, FilterFacts, FilterState
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.models import FIVE, Extra, ImuInput, ProcessNoise, StateSpace
+from shore.navigation.noise.adaptation import Channel
 from shore.navigation.numbers import Array, Number
 
 Profile = Literal["stated", "compat"]

@@ -12,11 +12,11 @@ from typing import Final, Protocol
 import numpy as np
 
 from common.errors import WayfixError
-from shore.navigation.adaptation import ChannelNoise
 from shore.navigation.filters import REGISTRY, FilterFacts, FilterState, build_filter
 from shore.navigation.kalman import prior_variance
 from shore.navigation.measurements import Measurement, TrueHeading
 from shore.navigation.models import FIVE, HEADING, ImuInput
+from shore.navigation.noise.adaptation import ChannelNoise
 from shore.navigation.numbers import Array, Number, square
 
 ORACLE: Final = "oracle"

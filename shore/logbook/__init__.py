@@ -1,1 +1,1 @@
-"""The log of a session: raw frames in arrival order, with everything needed to run it again (docs/log-format.md)."""
+"""Logs: MCAP files that are written while a run goes on and read whatever became of them."""

@@ -4,8 +4,8 @@
     for data in reader.frames(): ...
     if reader.damage: print(reader.damage)
 
-A cut log gives everything up to its last whole chunk, a damaged one all chunks whose checksum holds (`scan.py`).
-A sound record that has not the form of its channel (`forms.py`) is left out, counted and named like a damaged one.
+A cut log gives everything up to its last whole chunk, a damaged one all chunks whose checksum holds (`mcap/scan.py`).
+A sound record that has not the form of its channel (`record_forms.py`) is left out, counted and named like a damaged one.
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -17,14 +17,14 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from common.messages import Frame
-from shore.logbook.damage import Flaw, Loss, sentence
-from shore.logbook.forms import FormError, content_of
 from shore.logbook.foxglove import event_of
 from shore.logbook.lock import is_being_written
-from shore.logbook.mcap_records import MAGIC
-from shore.logbook.scan import Scan, is_log
+from shore.logbook.mcap.damage import Flaw, Loss, sentence
+from shore.logbook.mcap.records import MAGIC
+from shore.logbook.mcap.scan import Scan, is_log
+from shore.logbook.mcap.walk import Item
+from shore.logbook.record_forms import FormError, content_of
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
-from shore.logbook.walk import Item
 
 _BUFFER: Final = 2**18
 

@@ -1,1 +1,1 @@
-"""Where the boat is: models, filters, noise adaptation, and the timeline that feeds them in order of time."""
+"""State estimation: motion model, measurements, Kalman filters, and the order in which they are fused."""

@@ -14,7 +14,6 @@ import numpy as np
 
 from common.errors import WayfixError
 from common.sensors import ROLES, BoatConfig, SensorTable
-from shore.navigation.adaptation import Channel, ChannelNoise, NoiseRule
 from shore.navigation.imu import driving_sensor
 from shore.navigation.kalman import (
     Predicted,
@@ -40,9 +39,10 @@ from shore.navigation.models import (
     through_water,
     with_trim,
 )
+from shore.navigation.noise.adaptation import Channel, ChannelNoise, NoiseRule
+from shore.navigation.noise.rules import NOISE_RULES
 from shore.navigation.numbers import Array, Number, larger, part, wrapped
-from shore.navigation.opening import Opening, Passed
-from shore.navigation.rules import NOISE_RULES
+from shore.navigation.restart import Opening, Passed
 from shore.navigation.ukf import predict_unscented
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]

@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shore.navigation.adaptation import NoiseRule
 from shore.navigation.filters import Filter, FilterFacts, FilterState, Predict, parts_of
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
 from shore.navigation.models import Gaussian, ImuInput
+from shore.navigation.noise.adaptation import NoiseRule
 from shore.navigation.numbers import Array, clip, part
-from shore.navigation.opening import Opening
+from shore.navigation.restart import Opening
 
 
 class Link(NamedTuple):

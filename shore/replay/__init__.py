@@ -1,1 +1,1 @@
-"""Replay: a log through the very pipeline that ran live, compared with what was published then."""
+"""`wayfix replay`: a log through the filters again, compared with the live run."""

@@ -17,7 +17,7 @@ from shore.terminal import add_filter_arguments, add_json, every_end_is_ctrl_c, 
 if TYPE_CHECKING:
     from shore.replay.comparison import Counts
     from shore.replay.run import Played, Replay, Span
-    from shore.score import Score
+    from shore.report.score import Score
 
 LONGEST_S = 1e9
 SHOWN_EACH = 50
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
     from common.whole_file import check_target
     from shore.replay.run import Replay
-    from shore.score import consistency_table, score_table
+    from shore.report.score import consistency_table, score_table
 
     filters = filters_named(arguments.filters) if arguments.filters else None
     inputs = [path for path in (arguments.log, arguments.reference) if path]
@@ -113,7 +113,7 @@ class Watchers:
     """Everything that looks at each frame of a replay."""
 
     def __init__(self, arguments: argparse.Namespace, replay: "Replay") -> None:
-        from shore.score import Consistency
+        from shore.report.score import Consistency
 
         self._arguments = arguments
         self._replay = replay
@@ -142,7 +142,7 @@ class Watchers:
     def smooth(self, path: Path) -> dict[str, Any]:
         """Write the smoothed track; raises WayfixError."""
         from shore.replay.run import smoothed
-        from shore.smooth import write_track
+        from shore.replay.smooth import write_track
 
         name = self._replay.filters[0]
         track = smoothed(self._arguments.log, name, span_of(self._arguments))
@@ -170,7 +170,7 @@ class Watchers:
     def _take(self, played: "Played") -> None:
         if self._arguments.reference:
             if self.score is None:
-                from shore.score import Score, read_reference
+                from shore.report.score import Score, read_reference
 
                 reference = read_reference(self._arguments.reference, played.arrival.frame.t0_ns)
                 self.score = Score(reference, played.arrival.start.config)

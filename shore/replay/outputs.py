@@ -9,13 +9,13 @@ from typing import Any, Final, Self
 from common.events import line_of
 from common.messages import Event, Frame
 from common.seqset import SeqSet
+from shore.live.status import StatusLine
 from shore.logbook.foxglove import event_of
 from shore.logbook.read import LogRecord
 from shore.logbook.record import LogWriter
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.replay.run import Played, Replay, Start
-from shore.status import StatusLine
 
 LONGEST_SLEEP_S: Final = 0.2
 

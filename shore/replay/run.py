@@ -29,7 +29,7 @@ from shore.navigation.timeline import HORIZON_NS
 from shore.pipeline import Output, Pipeline
 from shore.replay.boat_order import FramesByTime
 from shore.replay.comparison import STATION_EVENTS, Comparison
-from shore.smooth import smooth_log
+from shore.replay.smooth import smooth_log
 
 ORDERS: Final = ("arrival", "time")
 """As live, every frame when it came; by boat time, so that late backfill is in its place."""

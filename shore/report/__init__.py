@@ -1,1 +1,1 @@
-"""Pictures and reports made after a run."""
+"""Scores against a reference track, and pictures of a trip."""

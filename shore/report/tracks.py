@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from common.messages import Frame
 from common.units import NS_PER_S
-from shore.score import Errors, Score
+from shore.report.score import Errors, Score
 
 Points = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import pytest
 from common.messages import TurnRate
 from common.sensors import SensorTable
 from onboard.devices import Accepted, Line, Outcome, Rejected, make_driver
-from onboard.lines import LineSplitter
+from onboard.reading.lines import LineSplitter
 from tests.acquire.sentences import line, measured
 
 SKETCH = Path(__file__).parents[2] / "deploy" / "arduino" / "tinkerkit_gyro"

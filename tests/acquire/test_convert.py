@@ -19,10 +19,10 @@ from common.messages import Fix, Frame
 from common.sensors import BoatConfig
 from common.settings import convert as as_config
 from common.units import NS_PER_S
-from onboard.convert import convert
 from onboard.main import main
-from onboard.recorded.found import sensors_in
+from onboard.recorded.convert import convert
 from onboard.recorded.recording import pace, read_recording
+from onboard.recorded.sensors_found import sensors_in
 from tests.acquire.sentences import ARDUIMU, GGA, GSA, RMC, recording, sealed
 from tests.acquire.test_sentence_time import DBT, HDG, LINES, gga, rmc
 from tests.recordings import SHARED_DATA as DATA
@@ -361,7 +361,7 @@ def test_an_interrupted_conversion_leaves_nothing_and_says_so(
     def interrupted(_frame: Frame) -> bytes:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("onboard.convert.encode_frame", interrupted)
+    monkeypatch.setattr("onboard.recorded.convert.encode_frame", interrupted)
     out = tmp_path / "out.frames"
     assert main(["convert", str(write(tmp_path, GGA, GSA, RMC)), str(out)]) == 0
     assert "was not written" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from common.framer import Measurement
 from common.messages import ClockPair, Fix, RawLine
 from onboard.devices import Accepted, Ignored, Line, Rejected, make_driver
 from onboard.devices.fields import DAY_MS
-from onboard.lines import LineSplitter
+from onboard.reading.lines import LineSplitter
 from tests.acquire.sentences import GGA, GSA, MS, RMC, S, fixes, gps, line, measured, pairs, sealed
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from common.messages import SENSOR_STATES, SensorHealth
 from common.sensors import SensorTable
 from common.units import NS_PER_S
-from onboard.health import SensorMonitor
-from onboard.wire import DamageWatch, Wire
+from onboard.reading.health import SensorMonitor
+from onboard.reading.line_quality import DamageWatch, Wire
 
 
 def monitor(role: str = "compass", **more: object) -> SensorMonitor:

@@ -16,8 +16,8 @@ from common.framer import Identity
 from common.messages import Event
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
-from onboard.acquisition import Acquisition
-from onboard.ports import Port, reason_of
+from onboard.reading.acquisition import Acquisition
+from onboard.reading.ports import Port, reason_of
 
 Pty = tuple[int, int, str]
 
@@ -99,10 +99,10 @@ def test_an_open_that_hangs_is_waited_for_once_and_does_not_hold_up_the_end(monk
         started.append(table.name)
         release.wait(20)
 
-    monkeypatch.setattr("onboard.ports.open_serial", hang)
-    monkeypatch.setattr("onboard.ports.OPEN_DEADLINE_S", 0.05)
-    monkeypatch.setattr("onboard.ports.LAST_BACK_OFF_S", 0.05)
-    monkeypatch.setattr("onboard.ports.FIRST_BACK_OFF_S", 0.05)
+    monkeypatch.setattr("onboard.reading.ports.open_serial", hang)
+    monkeypatch.setattr("onboard.reading.ports.OPEN_DEADLINE_S", 0.05)
+    monkeypatch.setattr("onboard.reading.ports.LAST_BACK_OFF_S", 0.05)
+    monkeypatch.setattr("onboard.reading.ports.FIRST_BACK_OFF_S", 0.05)
 
     async def run() -> None:
         watched = Watched("/dev/none")

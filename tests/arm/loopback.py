@@ -31,7 +31,7 @@ from common import session
 from common.codec import decode_frame, encode_frame
 from common.keys import KeyPair, new_keys
 from common.messages import SCHEMA_VERSION, Fix, Frame
-from onboard.access import Access
+from onboard.link.access import Access
 
 APP = Path("/mnt/app")
 BITS = {"armhf": 32, "arm64": 64}

@@ -19,9 +19,9 @@ from common.messages import Frame
 from common.sensors import BoatConfig
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
-from shore.logbook.case import EVERY_S, LOG, Case, write_case
 from shore.logbook.record import LogWriter
 from shore.replay.run import Span
+from shore.trips.case import EVERY_S, LOG, Case, write_case
 from tests.offline import config_of, frames_of
 
 HERE = Path(__file__).parent

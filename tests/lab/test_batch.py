@@ -12,10 +12,10 @@ from common.simulation.scenario import with_bias
 from common.simulation.scenarios import find_scenario
 from shore.lab.batch import Profile, Setting, drive, run_method
 from shore.lab.methods import METHODS, ORACLE, IntervalKalman, check_methods
-from shore.navigation.adaptation import Channel
 from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import TrueHeading
 from shore.navigation.models import Extra, ImuInput, ProcessNoise, StateSpace
+from shore.navigation.noise.adaptation import Channel
 
 
 def setting(name: str, runs: int, profile: Profile = "stated", *, biased: bool = False) -> Setting:

@@ -15,8 +15,8 @@ from common.messages import Event, Fix, Frame, RawLine
 from common.sensors import SpoolTable
 from common.session import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_MS
-from onboard.router import Router
-from onboard.server import Limits, Server
+from onboard.link.router import Router
+from onboard.link.server import Limits, Server
 from onboard.spool import Spool
 
 PERIOD_NS = 100 * NS_PER_MS

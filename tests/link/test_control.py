@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from common.errors import WayfixError
 from common.keys import fingerprint, key_text
 from common.messages import Event
-from onboard.access import READ, Access
-from onboard.control import (
+from onboard.control.key_requests import KeyRequests
+from onboard.control.socket import (
     DEFAULT_RUNTIME,
     NAME,
     REQUEST_BYTES,
@@ -33,9 +33,9 @@ from onboard.control import (
     runtime_of,
     text_of,
 )
-from onboard.key_requests import KeyRequests
+from onboard.link.access import READ, Access
+from onboard.link.pairing_port import PairingPort
 from onboard.main import main
-from onboard.pairing import PairingPort
 
 ROOT_ONLY = pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
 A, B = (key_text(bytes([number]) * 32) for number in (1, 2))
@@ -129,7 +129,7 @@ import os, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from common.errors import WayfixError
-from onboard.control import ask
+from onboard.control.socket import ask
 os.setgid(65534); os.setuid(65534)
 try:
     print(ask(Path(sys.argv[2]), "echo"))
@@ -273,7 +273,7 @@ def test_texts_of_a_request() -> None:
 TERMINAL = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from onboard.control import has_terminal
+from onboard.control.socket import has_terminal
 if sys.argv[2] == "with":
     import fcntl, termios
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
@@ -379,7 +379,7 @@ def test_a_pairing_is_called_off(tmp_path: Path) -> None:
 
 
 def test_a_code_ends_with_the_program_that_showed_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("onboard.control.GONE_S", 0.02)
+    monkeypatch.setattr("onboard.control.socket.GONE_S", 0.02)
     with KeyBench(tmp_path) as bench:
         ask(tmp_path, "pair", port=0)
         with socket.socket(socket.AF_UNIX) as line:

@@ -16,9 +16,9 @@ from common import session
 from common.codec import encode_frame
 from common.errors import CodecError
 from common.session import BoundedRun, FrameRange, Lease
-from onboard.in_order import GATHERED_BYTES, InOrder
-from onboard.server import COMMANDS_AT_ONCE, NEWS_AT_ONCE, SESSIONS_OF_KEY, Limits
-from onboard.sessions import Pace
+from onboard.link.bounded_run import GATHERED_BYTES, InOrder
+from onboard.link.server import COMMANDS_AT_ONCE, NEWS_AT_ONCE, SESSIONS_OF_KEY, Limits
+from onboard.link.sessions import Pace
 from tests.link.bench import BOOT, PERIOD_NS, Bench, frame, on_bench
 
 HUGE = 2**63 - 1

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from common.errors import WayfixError
 from common.keys import KeyPair, key_text, new_keys
-from onboard.access import COMMAND, READ, Access, Zap
+from onboard.link.access import COMMAND, READ, Access, Zap
 
 A, B, C = (key_text(bytes([number]) * 32) for number in (1, 2, 3))
 
@@ -101,7 +101,7 @@ def test_a_key_is_refused_though_the_list_cannot_be_written(tmp_path: Path, monk
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("onboard.access.write_own", full)
+        patch.setattr("onboard.link.access.write_own", full)
         with pytest.raises(WayfixError, match="refused from now on"):
             access.remove("one")
         with pytest.raises(WayfixError, match="cannot be kept"):
@@ -272,7 +272,7 @@ def test_a_revoked_key_has_no_rights_though_its_connection_stays(tmp_path: Path)
 
 
 def test_the_self_test_fails_when_the_handler_does_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("onboard.access.SELF_TEST_S", 0.3)
+    monkeypatch.setattr("onboard.link.access.SELF_TEST_S", 0.3)
 
     async def play(bench: Bench) -> None:
         with pytest.raises(WayfixError, match=r"not refused: no answer within 0\.3 s"):

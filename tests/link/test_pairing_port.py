@@ -13,8 +13,8 @@ from common.errors import LinkError, WayfixError
 from common.keys import fingerprint, key_text, raw_key
 from common.messages import Event
 from common.pairing import Station, framed, plain_code
-from onboard.access import COMMAND, READ, Access
-from onboard.pairing import Opened, PairingPort, Request, place_of
+from onboard.link.access import COMMAND, READ, Access
+from onboard.link.pairing_port import Opened, PairingPort, Request, place_of
 
 KEY = bytes([7]) * 32
 ANY = Request(port=0)
@@ -173,7 +173,7 @@ def test_whatever_else_comes_burns_the_code(tmp_path: Path, sent: bytes) -> None
 
 
 def test_a_client_that_says_nothing_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("onboard.pairing.MESSAGE_S", 0.1)
+    monkeypatch.setattr("onboard.link.pairing_port.MESSAGE_S", 0.1)
 
     async def play(bench: Bench) -> None:
         client = await Client(await bench.port.open(ANY)).connect()
@@ -253,7 +253,7 @@ def test_when_the_list_cannot_be_written_nobody_is_told_yes(tmp_path: Path, monk
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("onboard.access.write_own", full)
+    monkeypatch.setattr("onboard.link.access.write_own", full)
 
     async def play(bench: Bench) -> None:
         assert not await Client(await bench.port.open(ANY)).pair()

@@ -13,8 +13,8 @@ from common.errors import WayfixError
 from common.messages import SCHEMA_VERSION
 from common.session import LINK_VERSION, BoundedRun, FrameRange, Lease
 from common.units import NS_PER_S
-from onboard.router import Router
-from onboard.server import Limits
+from onboard.link.router import Router
+from onboard.link.server import Limits
 from tests.link.bench import BOOT, PERIOD_NS, Bench, Client, on_bench
 
 
@@ -230,7 +230,7 @@ def test_a_silent_client_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
         bench.publish(1)
         assert bench.server.clients == 1
         later_ns = 10**18
-        monkeypatch.setattr("onboard.server.boottime_ns", lambda: later_ns)
+        monkeypatch.setattr("onboard.link.server.boottime_ns", lambda: later_ns)
         bench.publish(1)
         assert bench.server.clients == 0
         assert bench.events[-1].text == "client test 0 left: it was not heard of any more"

@@ -7,7 +7,6 @@ import pytest
 
 from common.messages import Fix, Frame, Heading, ImuBlock
 from common.sensors import BoatConfig, BoatTable, SensorTable
-from shore.navigation.adaptation import Channel
 from shore.navigation.beginning import first_state
 from shore.navigation.estimate import Estimate
 from shore.navigation.filters import FilterFacts, build_filter
@@ -24,6 +23,7 @@ from shore.navigation.models import (
     body_to_plane,
     with_trim,
 )
+from shore.navigation.noise.adaptation import Channel
 from shore.navigation.numbers import Array
 from shore.pipeline import Pipeline
 

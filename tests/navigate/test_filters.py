@@ -15,7 +15,6 @@ from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.scenarios import scenario_voyage
 from common.units import NS_PER_S
 from shore.navigation import filters, ukf
-from shore.navigation.adaptation import Channel
 from shore.navigation.beginning import first_of
 from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter, facts_of
 from shore.navigation.imu import split
@@ -32,6 +31,7 @@ from shore.navigation.models import (
     StateSpace,
     process_noise,
 )
+from shore.navigation.noise.adaptation import Channel
 from shore.navigation.numbers import Array, wrapped
 from tests.navigate.filterpys import filterpy_ukf
 from tests.navigate.voyages import Run, Truth, errors, run_filter, thesis_facts

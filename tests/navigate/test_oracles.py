@@ -14,11 +14,11 @@ from common.simulation.motion import Mission
 from common.simulation.runs import Runs, draw_runs
 from common.simulation.scenario import with_noise
 from common.simulation.scenarios import find_scenario
-from shore.navigation.adaptation import Channel, FixedNoise
 from shore.navigation.filters import Filter, FilterFacts, build_filter
 from shore.navigation.kalman import Predicted
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.models import FIVE, Gaussian, ImuInput, ProcessNoise, move
+from shore.navigation.noise.adaptation import Channel, FixedNoise
 from shore.navigation.numbers import Array, wrapped
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]

@@ -9,10 +9,10 @@ import pytest
 from common.simulation.runs import Runs, draw_runs
 from common.simulation.scenario import Scenario, with_outage
 from common.simulation.scenarios import find_scenario
-from shore.navigation.adaptation import Channel
 from shore.navigation.filters import REGISTRY, FilterFacts, build_filter
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.models import FIVE, Extra, Gaussian, ImuInput, ProcessNoise, StateSpace, jacobian, process_noise
+from shore.navigation.noise.adaptation import Channel
 from shore.navigation.numbers import Array, wrapped
 from shore.navigation.smoother import Recorder, build_recorder
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from shore.navigation.adaptation import Channel
 from shore.navigation.beginning import first_of
 from shore.navigation.filters import REGISTRY, FilterFacts, FilterState, build_filter
 from shore.navigation.kalman import predict_extended
@@ -21,6 +20,7 @@ from shore.navigation.models import (
     jacobian,
     move,
 )
+from shore.navigation.noise.adaptation import Channel
 from shore.navigation.numbers import Array
 from shore.navigation.ukf import predict_unscented
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 import zmq
 
-import onboard.ports
+import onboard.reading.ports
 from common import session
 from common.clock import BoatClock
 from onboard.config import load
@@ -117,7 +117,7 @@ def test_it_is_not_ready_while_a_port_is_still_being_opened(tmp_path: Path, monk
         assert "READY=1" not in told
         may_open.set()
 
-    monkeypatch.setattr(onboard.ports, "open_serial", slow_driver)
+    monkeypatch.setattr(onboard.reading.ports, "open_serial", slow_driver)
     daemon = Daemon(load(compass_config(tmp_path, p="/dev/p")), BoatClock(), notifier=Notifier(told.append))
     run_for(daemon, 1.0, release)
     assert told.count("READY=1") == 1
@@ -127,7 +127,7 @@ def test_a_daemon_stopped_before_its_ports_were_tried_was_never_ready(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     may_open = threading.Event()
-    monkeypatch.setattr(onboard.ports, "open_serial", lambda _: may_open.wait(4))
+    monkeypatch.setattr(onboard.reading.ports, "open_serial", lambda _: may_open.wait(4))
     told: list[str] = []
     daemon = Daemon(load(compass_config(tmp_path, p="/dev/p")), BoatClock(), notifier=Notifier(told.append))
     run_for(daemon, 0.4)

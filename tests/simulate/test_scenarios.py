@@ -8,10 +8,10 @@ import pytest
 
 from common.errors import WayfixError
 from common.simulation.motion import Mission
-from common.simulation.own import BUOYS
 from common.simulation.readings import FixReading, ImuReading
 from common.simulation.scenario import realistic, with_bias, with_drift, with_noise
 from common.simulation.scenarios import SCENARIOS, find_scenario, scenario_voyage
+from common.simulation.scenarios_own import BUOYS
 from common.simulation.tables import TABLE_4_1, TABLE_5_3, compat
 
 NAMES = (

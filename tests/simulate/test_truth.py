@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from common.angles import difference_rad
 from common.simulation.fields import STILL
 from common.simulation.motion import Mission, Truth, cleared, grid, sail, turn_direction
+from common.simulation.scenarios_thesis import SOLENT_TIDE, TRACK_1
 from common.simulation.sensors import body_motion
-from common.simulation.thesis import SOLENT_TIDE, TRACK_1
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 
 from common.codec import encode_frame
 from common.messages import Event, Frame
-from shore.logbook.exports import arguments
-from shore.logbook.exports.command import run
+from shore.exports import arguments
+from shore.exports.command import run
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
 from shore.navigation.estimate import Estimate

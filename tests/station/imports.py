@@ -11,8 +11,8 @@ import pytest
 from common.codec import decode_frame
 from common.messages import Attitude, Fix, Frame, Heading, TurnRate
 from common.units import NS_PER_S
-from shore.logbook.imports.arguments import add_arguments
-from shore.logbook.imports.command import run
+from shore.imports.arguments import add_arguments
+from shore.imports.command import run
 from shore.logbook.read import read_log
 
 T0 = 1_700_000_000 * NS_PER_S

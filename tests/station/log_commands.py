@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from shore.logbook.arguments import add_arguments
-from shore.logbook.command import run
+from shore.trips.arguments import add_arguments
+from shore.trips.command import run
 from tests.station.log_files import chunks_of
 
 

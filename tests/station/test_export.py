@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from common.codec import decode_frame, encode_frame
-from shore.logbook.exports import arguments, formats
+from shore.exports import arguments, formats
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
@@ -99,7 +99,7 @@ def test_the_csv_says_its_units_and_every_digit(out: Path, recorded: list[dict[s
 
 
 def test_the_csv_is_a_reference_for_replay(out: Path, recorded: list[dict[str, Any]]) -> None:
-    from shore.score import read_reference
+    from shore.report.score import read_reference
 
     reference = read_reference(out / "trip.csv", 0)
     assert reference.at(recorded[50]["t_ns"]) is not None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from common.codec import encode_frame
 from common.messages import Frame
-from shore.logbook.exports.clocks import Clock, Clocks
+from shore.exports.clocks import Clock, Clocks
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
 from tests.station.exporting import (

@@ -10,7 +10,7 @@ import pytest
 
 from common.events import event
 from common.geodesy import LocalPlane
-from shore.logbook.exports.png import SHOWN, _Thinned
+from shore.exports.png import SHOWN, _Thinned
 from shore.report.trip import Trip, draw
 from tests.station.exporting import (
     NS,
@@ -72,7 +72,7 @@ def test_a_long_trip_is_thinned_and_keeps_its_pieces() -> None:
 
 
 def test_a_picture_of_a_log_has_right_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from shore.logbook.exports import png
+    from shore.exports import png
 
     drawn: list[Trip] = []
     monkeypatch.setattr(png, "draw", lambda _stream, trip: drawn.append(trip))

@@ -171,7 +171,7 @@ def test_a_directory_is_all_or_nothing(trip: Path, tmp_path: Path, monkeypatch: 
     with pytest.raises(WayfixError, match=r"imu.csv: exists already and is no csv file"):
         export(trip, "--to", "csv", tmp_path / "mine", "--force")
     (tmp_path / "mine" / "imu.csv").unlink()
-    monkeypatch.setattr("shore.logbook.exports.table._measured", _fail)
+    monkeypatch.setattr("shore.exports.table._measured", _fail)
     with pytest.raises(WayfixError, match="cannot be written"):
         export(trip, "--to", "csv", tmp_path / "mine", "--force")
     assert not (tmp_path / "mine" / "imu.csv").exists()

@@ -17,10 +17,10 @@ from jsonschema import Draft202012Validator
 from common.codec import decode_frame
 from common.frames_file import FramesFile
 from common.messages import Event, Fix
-from onboard.convert import convert
-from shore.logbook.exports import nmea
-from shore.logbook.exports.antimeridian import crossing
-from shore.logbook.exports.text import iso
+from onboard.recorded.convert import convert
+from shore.exports import nmea
+from shore.exports.antimeridian import crossing
+from shore.exports.text import iso
 from tests.station.exporting import (
     GEOJSON,
     NS,
@@ -91,7 +91,7 @@ def test_the_first_filter_of_the_session_leads_and_states_may_change(tmp_path: P
 
 
 def test_a_table_of_many_rows_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shore.logbook.exports.parquet.ROWS", 7)
+    monkeypatch.setattr("shore.exports.parquet.ROWS", 7)
     log = log_of(tmp_path / "log.mcap", [estimate(t_s, 1.0, t_s / 100) for t_s in range(1, 31)])
     assert export(log, "--to", "parquet", tmp_path / "a.parquet") == 0
     assert pl.read_parquet(tmp_path / "a.parquet")["lon_deg"].to_list() == [t_s / 100 for t_s in range(1, 31)]

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import LinkError
-from shore import finding
-from shore.boats import Boat
-from shore.finding import MDNS, Candidate, Search, announced, find, gateways_v4, gateways_v6, known
+from shore.link import finding
+from shore.link.finding import MDNS, Candidate, Search, announced, find, gateways_v4, gateways_v6, known
+from shore.link.known_boats import Boat
 from tests.link.namespaces import MULTICAST, SIDES, Namespaces, what_is_missing
 from tests.recordings import REPOSITORY
 
@@ -226,8 +226,8 @@ time.sleep(60)
 FINDER = """
 import json, socket, sys, time
 from common.errors import WayfixError
-from shore.boats import Boat
-from shore.finding import find
+from shore.link.known_boats import Boat
+from shore.link.finding import find
 
 def probe(candidate, seconds):
     host, _, port = candidate.address.partition(":")

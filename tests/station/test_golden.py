@@ -11,7 +11,10 @@ import pytest
 
 from common.codec import decode_frame
 from common.command import run_command
-from shore.logbook.case import (
+from shore.logbook.read import read_log
+from shore.navigation.noise.fuzzy import FUZZY
+from shore.replay.run import Replay
+from shore.trips.case import (
     COLUMNS,
     EVENTS,
     EXPECTED,
@@ -23,9 +26,6 @@ from shore.logbook.case import (
     run,
     write_expected,
 )
-from shore.logbook.read import read_log
-from shore.navigation.fuzzy import FUZZY
-from shore.replay.run import Replay
 from tests.golden.make_logs import CASES, HERE, write_log
 
 TOGETHER = 700_000

@@ -13,15 +13,15 @@ from common.errors import WayfixError
 from common.messages import Fix, Heading, TurnRate
 from common.sensors import BoatTable
 from common.units import NS_PER_S
-from shore.logbook.imports import cut
-from shore.logbook.imports.account import Rejected
-from shore.logbook.imports.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
-from shore.logbook.imports.columns import ColumnReader
-from shore.logbook.imports.gpsd import GpsdReader
-from shore.logbook.imports.plan import NO_TIME, Plan
-from shore.logbook.imports.reader import Lines, Reader
-from shore.logbook.imports.signalk import SELF, SignalKReader, own_contexts
-from shore.logbook.imports.values import utc_ns_of
+from shore.imports import frames as cut
+from shore.imports.account import Rejected
+from shore.imports.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
+from shore.imports.columns import ColumnReader
+from shore.imports.gpsd import GpsdReader
+from shore.imports.plan import NO_TIME, Plan
+from shore.imports.reader import Lines, Reader
+from shore.imports.signalk import SELF, SignalKReader, own_contexts
+from shore.imports.values import utc_ns_of
 from tests.station.imports import ISO, T0, iso, tpv
 
 JUNK = st.recursive(

@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 
 from common.errors import WayfixError
 from common.units import NS_PER_S
-from shore.logbook.imports import serial_port
-from shore.logbook.imports.reader import digest_of
+from shore.imports import serial_port
+from shore.imports.reader import digest_of
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.main import main

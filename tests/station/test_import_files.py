@@ -12,8 +12,8 @@ from common.codec import decode_frame
 from common.errors import WayfixError
 from common.sensors import BoatConfig
 from common.settings import convert
+from shore.imports.kinds import Kind
 from shore.logbook.estimates import logged
-from shore.logbook.imports.kinds import Kind
 from shore.logbook.read import read_log
 from shore.pipeline import Pipeline
 from tests.recordings import REPOSITORY, SHARED_DATA

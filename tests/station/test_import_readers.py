@@ -8,8 +8,8 @@ import pytest
 
 from common.errors import WayfixError
 from common.units import M_S_PER_KN, NS_PER_S
-from shore.logbook.imports.reader import Lines
-from shore.logbook.imports.signalk import SELF, own_contexts
+from shore.imports.reader import Lines
+from shore.imports.signalk import SELF, own_contexts
 from tests.station.imports import MAP, T0, Importer, delta, sealed, tpv
 
 

@@ -14,8 +14,8 @@ from common.errors import LinkError
 from common.keys import new_keys
 from common.messages import SCHEMA_VERSION
 from common.units import NS_PER_S
-from shore import link as link_module
-from shore.link import Link, LinkKeys
+from shore.link import link as link_module
+from shore.link.link import Link, LinkKeys
 
 GREETING = {"schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "boot_id": "b0", "next_seq": 0, "runs": []}
 

@@ -1,6 +1,6 @@
 """What the live filter makes of the frames that come over too small a link: the running sums bridge the others.
 
-Frames with a fix are not passed over (`onboard.server`). Were they skipped like the others, the position would be
+Frames with a fix are not passed over (`onboard.link.server`). Were they skipped like the others, the position would be
 1.19 times as wrong (50 voyages, 1.13 to 1.26): a third of the fixes is missing then, and nothing bridges a fix.
 """
 

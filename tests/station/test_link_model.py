@@ -20,10 +20,10 @@ from common.messages import Event, Frame
 from common.sensors import SpoolTable
 from common.session import BoundedRun, Lease
 from common.units import NS_PER_MS
-from onboard.router import Receive, Router
-from onboard.server import Server
+from onboard.link.router import Receive, Router
+from onboard.link.server import Server
 from onboard.spool import Spool
-from shore.ledger import Ledger
+from shore.link.ledger import Ledger
 
 PERIOD_NS = 100 * NS_PER_MS
 WINDOW = 2048

@@ -13,8 +13,8 @@ from common.events import event
 from common.messages import Frame
 from shore.logbook.census import Census, light_frame
 from shore.logbook.record import LogWriter
-from shore.logbook.screens import toml_lines
 from shore.terminal import say, tell
+from shore.trips.screens import toml_lines
 from tests.station.log_commands import answer, harmed, put, wayfix_log
 from tests.station.log_files import EACH_NS, START, UTC_NS, frame, log_bytes, other_writer
 from tests.strategies import frame_of
@@ -61,7 +61,7 @@ def test_ls_of_closed_logs_reads_no_record(
     trips: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert wayfix_log("recover", trips / "cut.mcap") == 0
-    monkeypatch.setattr("shore.logbook.trips.examine", None)
+    monkeypatch.setattr("shore.trips.listing.examine", None)
     logs = [path for path in trips.glob("*.mcap") if path.name not in ("cut.mcap", "notes.mcap")]
     assert wayfix_log("ls", *logs, "--json") == 0
     states = {Path(row["log"]).name: (row["state"], row["boat"]) for row in answer(capsys)["trips"]}

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType
 
-from shore.logbook.mcap_records import HEAD, MAGIC
+from shore.logbook.mcap.records import HEAD, MAGIC
 from shore.logbook.read import read_log
 from tests.station.log_files import (
     EACH_NS,

@@ -6,9 +6,9 @@ import random
 import pytest
 from mcap.writer import CompressionType, IndexType
 
-from shore.logbook.damage import AnotherLog, Flaw
-from shore.logbook.mcap_records import HEAD, MAGIC
-from shore.logbook.scan import is_log
+from shore.logbook.mcap.damage import AnotherLog, Flaw
+from shore.logbook.mcap.records import HEAD, MAGIC
+from shore.logbook.mcap.scan import is_log
 from tests.station.log_files import (
     EACH_NS,
     UTC_NS,
@@ -98,7 +98,7 @@ def test_the_end_of_another_log_names_no_channel() -> None:
 
 @pytest.mark.parametrize("block", [*range(20, 30), 100, 4 * 2**20])
 def test_the_end_of_a_log_is_found_wherever_it_stands(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shore.logbook.mcap_tail.BLOCK", block)
+    monkeypatch.setattr("shore.logbook.mcap.tail.BLOCK", block)
     content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
     at = chunks_of(content)[1][0] + 20
     for gone in range(1, 40, 6):
@@ -305,7 +305,7 @@ def test_spans_in_the_head_of_a_chunk_count_only_where_all_else_agrees() -> None
 
 @pytest.mark.parametrize("block", [100, 500, 4 * 2**20])
 def test_the_next_chunk_is_found_wherever_it_begins(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shore.logbook.scan.BLOCK", block)
+    monkeypatch.setattr("shore.logbook.mcap.source.BLOCK", block)
     content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
     content = content[: chunks_of(content)[-1][0]]
     at, end = chunks_of(content)[2]

@@ -191,7 +191,7 @@ def test_a_disk_that_fails_while_reading_is_told_in_one_sentence(
         raise OSError(5, "Input/output error")
 
     reader = read_log(path)
-    monkeypatch.setattr("shore.logbook.scan.Scan.read", fail)
+    monkeypatch.setattr("shore.logbook.mcap.source.Source.read", fail)
     with pytest.raises(WayfixError, match=r"cannot be read .Input/output error"):
         list(reader.records())
 

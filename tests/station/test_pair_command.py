@@ -17,12 +17,12 @@ import pytest
 from common.errors import LinkError, WayfixError
 from common.keys import fingerprint, key_text
 from common.pairing import Board, framed, plain_code
-from onboard.access import READ, Access
-from onboard.control import Control, ask
-from onboard.key_requests import KeyRequests
-from onboard.pairing import PairingPort
-from shore import pair_command
-from shore.boats import Boats
+from onboard.control.key_requests import KeyRequests
+from onboard.control.socket import Control, ask
+from onboard.link.access import READ, Access
+from onboard.link.pairing_port import PairingPort
+from shore.link import pair_command
+from shore.link.known_boats import Boats
 
 CODE = "7Q2M-0XKD-93ZT"
 THIEF = bytes([9]) * 32

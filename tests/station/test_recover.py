@@ -13,8 +13,8 @@ from mcap.writer import CompressionType, Writer
 from common.errors import WayfixError
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
-from shore.logbook.recover import name_log, recover
 from shore.logbook.session import trip_record
+from shore.trips.recover import name_log, recover
 from tests.station.log_files import START, UTC_NS, Seen, chunks_of, log_bytes, other_writer, seen, write
 
 TRIP = trip_record("sea trial", "Solent", None)

@@ -20,8 +20,8 @@ from common.simulation.readings import Rates
 from common.simulation.recording import recording_voyage
 from common.simulation.scenarios import scenario_voyage
 from common.simulation.voyage import Voyage
-from shore.link import Link, Received, Wants
-from shore.live import LiveRun, Options
+from shore.link.link import Link, Received, Wants
+from shore.live.run import LiveRun, Options
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.navigation.estimate import Estimate
@@ -82,7 +82,7 @@ def live(
 ) -> Path:
     """The log of a real live run; its clock goes on by 50 ms with every look at the link."""
     now_ns = count(10**12, 25_000_000)
-    monkeypatch.setattr("shore.live.boottime_ns", lambda: next(now_ns))
+    monkeypatch.setattr("shore.live.run.boottime_ns", lambda: next(now_ns))
     link = cast("Link", FakeLink(config, items))
     run = LiveRun(link, Options(filters, log_dir=directory, until_end=True), lambda: False, lambda _line: None)
     run.run()

@@ -8,7 +8,7 @@ import pytest
 from common.errors import WayfixError
 from common.messages import Fix
 from common.units import NS_PER_S
-from shore.score import Consistency, consistency_table, read_reference, score_of
+from shore.report.score import Consistency, consistency_table, read_reference, score_of
 from tests.navigate.voyages import BOAT
 from tests.strategies import frame_of
 

@@ -19,8 +19,8 @@ from shore.navigation.kalman import Predicted
 from shore.navigation.models import ImuInput
 from shore.navigation.smoother import Recorder
 from shore.pipeline import Pipeline
-from shore.score import read_reference
-from shore.smooth import COLUMNS, smooth_log, write_track
+from shore.replay.smooth import COLUMNS, smooth_log, write_track
+from shore.report.score import read_reference
 from tests import offline
 from tests.navigate import voyages
 from tests.offline import config_of, errors_of, frames_of

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
+from shore.live.status import StatusLine, position_text
 from shore.pipeline import Output, Pipeline
-from shore.status import StatusLine, position_text
 from tests.navigate.voyages import UNCALIBRATED, frames_of, sail
 
 CONFIG = BoatConfig(

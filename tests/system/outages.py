@@ -10,8 +10,8 @@ from typing import Any
 
 from common.codec import decode_frame
 from common.errors import LinkError
-from shore.ledger import Ledger
-from shore.link import Link, Wants
+from shore.link.ledger import Ledger
+from shore.link.link import Link, Wants
 from shore.logbook.read import read_log
 from tests.system.harness import Process, compass_config
 

@@ -15,7 +15,7 @@ from common.messages import Event, Frame, SensorHealth
 from common.session import MAX_WINDOW, BoundedRun
 from common.units import NS_PER_S
 from onboard.virtual.terminal import Terminal
-from shore.link import Link, Wants
+from shore.link.link import Link, Wants
 from tests.system.harness import Process, compass_config
 
 RESUME_S: Final = 6.0

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from onboard.access import READ, Access
-from shore.boats import Boats
+from onboard.link.access import READ, Access
+from shore.link.known_boats import Boats
 from tests.link.namespaces import Namespaces, Side, what_is_missing
 from tests.system.harness import Process
 from tests.system.outages import FRAME_HZ, check_whole, config_of

@@ -14,8 +14,8 @@ from common.messages import Frame, SensorHealth
 from common.sensors import BoatConfig
 from common.session import MAX_WINDOW
 from common.settings import convert as as_config
-from onboard.convert import convert
-from shore.link import Link
+from onboard.recorded.convert import convert
+from shore.link.link import Link
 from shore.pipeline import Pipeline
 from tests.recordings import SHARED_DATA
 from tests.system.harness import Process

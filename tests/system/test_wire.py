@@ -18,9 +18,9 @@ from common.codec import decode_frame
 from common.errors import LinkError
 from common.keys import new_keys
 from common.session import Lease
-from onboard.access import READ, Access
-from shore.boats import Boats
-from shore.link import CONNECT_TIMEOUT_S, Link, LinkKeys
+from onboard.link.access import READ, Access
+from shore.link.known_boats import Boats
+from shore.link.link import CONNECT_TIMEOUT_S, Link, LinkKeys
 from shore.logbook.read import read_log
 from tests.link.relay import Relay
 from tests.system.harness import Process, command, compass_config
@@ -153,7 +153,7 @@ def test_a_station_that_is_revoked_gets_no_frame_later_than_a_second(tmp_path: P
 
 EVERYBODY = """
 import sys
-from onboard.access import Access
+from onboard.link.access import Access
 from onboard.main import main
 Access.rights_of = lambda self, key: frozenset({"read"})
 sys.exit(main(sys.argv[1:]))

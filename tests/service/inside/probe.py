@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 from common.pairing import plain_code
-from onboard.control import ask
-from shore.boats import Boats
-from shore.link import Link
-from shore.pairing import pair
+from onboard.control.socket import ask
+from shore.link.known_boats import Boats
+from shore.link.link import Link
+from shore.link.pairing import pair
 
 ADDRESS = "127.0.0.1:5760"
 

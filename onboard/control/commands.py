@@ -1,0 +1,70 @@
+"""What a person may ask of the running daemon, over the link or over the control socket; every one is an event."""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from common.errors import WayfixError
+from common.events import event
+from common.messages import Event
+from onboard.control.socket import Handler, text_of
+
+MAX_MARK = 200
+
+
+class Commands:
+    """`status`, `reopen SENSOR`, `mark TEXT`."""
+
+    def __init__(
+        self,
+        status: Callable[[], dict[str, Any]],
+        reopen: Mapping[str, Callable[[], None]],
+        tell: Callable[[Event], None],
+        now_ns: Callable[[], int],
+    ) -> None:
+        """Reopen: by sensor, opens its port anew."""
+        self._status = status
+        self._reopen = reopen
+        self._tell = tell
+        self._now_ns = now_ns
+
+    async def from_link(self, name: str, argument: str, who: str) -> str:
+        """A command of a station; returns the answer in words, raises WayfixError."""
+        match name:
+            case "status":
+                self._tell(event("command-done", self._now_ns(), "link", command=name, client=who))
+                return json.dumps(self._status())
+            case "reopen":
+                return self.reopen(argument, who)
+            case "mark":
+                return self.mark(argument, who)
+        raise WayfixError(f"there is no command {name!r}", "", "use status, reopen SENSOR or mark TEXT")
+
+    def handlers(self) -> dict[str, Handler]:
+        """For the control socket."""
+
+        async def status(_fields: dict[str, Any]) -> dict[str, Any]:
+            return self._status()
+
+        async def reopen(fields: dict[str, Any]) -> dict[str, Any]:
+            return {"text": self.reopen(text_of(fields, "sensor"), "this board")}
+
+        async def mark(fields: dict[str, Any]) -> dict[str, Any]:
+            return {"text": self.mark(text_of(fields, "text"), "this board")}
+
+        return {"status": status, "reopen": reopen, "mark": mark}
+
+    def reopen(self, sensor: str, who: str) -> str:
+        """Open the port of a sensor anew; raises WayfixError."""
+        if sensor not in self._reopen:
+            raise WayfixError(f"there is no sensor {sensor[:32]!r}", "", f"use one of {', '.join(self._reopen)}")
+        self._reopen[sensor]()
+        self._tell(event("command-done", self._now_ns(), sensor, command=f"reopen {sensor}", client=who))
+        return f"the port of {sensor} is opened anew"
+
+    def mark(self, text: str, who: str) -> str:
+        """Put a remark into the frames, and so into every log; raises WayfixError."""
+        if not text or not text.isprintable() or len(text) > MAX_MARK:
+            raise WayfixError(f"a mark is 1 to {MAX_MARK} printable characters", "", "write it shorter, on one line")
+        self._tell(event("mark", self._now_ns(), "operator", text=text, client=who))
+        return "marked"

@@ -1,0 +1,1 @@
+"""Serial ports in, frames out: what arrives, when it was measured, and how each sensor delivers."""

@@ -1,0 +1,74 @@
+"""Which dates of a receiver can be.
+
+A GPS week number begins anew every 1024 weeks (19.6 years); a receiver whose firmware does not know the present turn
+gives a date that much in the past, with the right time of day. Such a date is repaired, +1024 weeks, only where the
+result is proved: by a mapping that it meets to the second (another receiver, or itself before its turn), or by the
+board's file, whose owner knows the receiver. A daemon alone cannot tell it from an old recording that is played, so
+else it is offered in words and not used. What is repaired says so in `source`, and `utc_src` stays `gnss`: all but the
+turn is the receiver's own.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Final
+
+from common.events import event
+from common.framer import Utc
+from common.messages import ClockPair, Event
+from common.units import NS_PER_S
+from onboard.reading.clockmap import TOLD_AFTER
+
+EARLIEST_UTC_NS: Final = 1_704_067_200 * NS_PER_S
+"""2024-01-01, before this program was first released: no boat that runs it can be earlier."""
+LATEST_UTC_NS: Final = 3_471_292_800 * NS_PER_S
+"""2080-01-01: `80` is GPS's year 1980, which a receiver gives that knows no date."""
+ROLLOVER_NS: Final = 1024 * 7 * 86_400 * NS_PER_S
+MET_NS: Final = 2 * NS_PER_S
+"""A repaired date that comes so near to the known UTC is proved."""
+
+_FIRST_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Dates:
+    """Judges every pair before it goes into a frame or into the mapping."""
+
+    def __init__(self, tell: Callable[[Event], None], rolled_over: Collection[str] = ()) -> None:
+        """tell: where it goes that a date is odd, once for each sensor; rolled_over: sensors to be repaired."""
+        self._tell = tell
+        self._rolled_over = frozenset(rolled_over)
+        self._odd: Counter[tuple[str, str]] = Counter()
+        """By sensor and event code: pairs in a row."""
+        self._told: set[tuple[str, str]] = set()
+
+    def judge(self, pair: ClockPair, known: Utc) -> ClockPair | None:
+        """The pair as it may be used, repaired perhaps, or None; known: UTC of the same boat time as mapped so far."""
+        if EARLIEST_UTC_NS <= pair.utc_ns < LATEST_UTC_NS:
+            self._note(pair, None)
+            return pair
+        later = replace(pair, utc_ns=pair.utc_ns + ROLLOVER_NS, source=f"{pair.source}+1024w")
+        if not EARLIEST_UTC_NS <= later.utc_ns < LATEST_UTC_NS:
+            self._note(pair, "date-refused", date=_date(pair))
+            return None
+        is_met = known.utc_ns is not None and abs(later.utc_ns - known.utc_ns) <= MET_NS
+        if is_met or pair.sensor in self._rolled_over:
+            self._note(pair, "week-rollover-repaired", date=_date(pair), later=_date(later))
+            return later
+        self._note(pair, "week-rollover", date=_date(pair), later=_date(later))
+        return None
+
+    def _note(self, pair: ClockPair, code: str | None, **evidence: str) -> None:
+        for key in [key for key in self._odd if key[0] == pair.sensor and key[1] != code]:
+            del self._odd[key]
+        if code is None:
+            return
+        key = pair.sensor, code
+        self._odd[key] += 1
+        if self._odd[key] >= TOLD_AFTER and key not in self._told:
+            self._told.add(key)
+            self._tell(event(code, pair.t_ns, pair.sensor, sensor=pair.sensor, **evidence))
+
+
+def _date(pair: ClockPair) -> str:
+    return (_FIRST_DAY + timedelta(seconds=pair.utc_ns // NS_PER_S)).date().isoformat()

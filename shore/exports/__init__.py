@@ -1,0 +1,1 @@
+"""`wayfix export`: the track of a log for other programs."""

@@ -1,0 +1,42 @@
+"""Arguments of `wayfix export`."""
+
+import argparse
+from typing import Final
+
+from common.command import number
+
+FORMATS: Final = ("csv", "gpx", "kml", "geojson", "nmea", "mcap", "parquet", "png")
+ORDERS: Final = ("recorded", "time")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `wayfix export`; `shore.exports.command` takes them."""
+    parser.add_argument("log", metavar="LOG", help="a log of `wayfix connect`, `import` or `replay --record`")
+    parser.add_argument("out", metavar="OUT", help="new file; csv and parquet: or a directory (DIR/) for all tables")
+    parser.add_argument(
+        "--to",
+        required=True,
+        choices=FORMATS,
+        metavar="FORMAT",
+        help="csv, gpx, kml, geojson, nmea, mcap (for Foxglove), parquet (extra analysis), png (extra report)",
+    )
+    parser.add_argument(
+        "--filter",
+        metavar="NAME",
+        help="whose estimates (default: the live run's first); raw = the first GPS as it came",
+    )
+    parser.add_argument(
+        "--order",
+        choices=ORDERS,
+        default="recorded",
+        help="recorded: as published live (default); time: filtered again in order of boat time, the best track",
+    )
+    parser.add_argument(
+        "--every", type=number(float, 0.001, 86_400.0), metavar="SECONDS", help="one row in so many (default: all)"
+    )
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="replace OUT when it is of ours and of the same kind (parquet: anybody's)",
+    )
+    parser.add_argument("--json", action="store_true", help="last line of stdout is one JSON object")

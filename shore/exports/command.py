@@ -1,0 +1,202 @@
+"""`wayfix export`: a log into a file of another kind."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any, BinaryIO, Final, NamedTuple
+
+from common.errors import WayfixError
+from common.whole_file import check_target, whole_file
+from shore.exports.formats import FORMATS, HEAD, Format
+from shore.exports.survey import Survey, survey_of
+from shore.exports.table import NAMES
+from shore.exports.track import RAW, Track
+from shore.logbook.read import LogReader, read_log
+from shore.navigation.timeline import HORIZON_S
+from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
+
+HEAVY: Final = {"kml": 50_000, "geojson": 200_000, "gpx": 200_000}
+"""Points from which on programs that draw such files become slow."""
+
+
+class Target(NamedTuple):
+    """The files to be written."""
+
+    out: Path
+    files: dict[str, Path]
+    """By name of the table; one of no name, unless `out` is a directory."""
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write OUT. Exit code 1: there is no place in the log."""
+    kind = FORMATS[arguments.to]
+    kind.check(arguments.to)
+    reader = read_log(arguments.log)
+    target = _target(arguments, kind)
+    try:
+        with every_end_is_ctrl_c():
+            return _export(arguments, kind, reader, target)
+    except KeyboardInterrupt:
+        say(f"stopped; {target.out} was not written")
+        return 0
+
+
+def _export(arguments: argparse.Namespace, kind: Format, reader: LogReader, target: Target) -> int:
+    with _progress("reading") as shown:
+        survey = survey_of(reader, shown)
+    name = _chosen(arguments, survey)
+    track = Track(reader, survey, name, arguments.order, arguments.every)
+    total_s = survey.clocks.newest_s
+    with _progress("writing", total_s) as track.shown:
+        rows = _write(kind, target, track)
+    if not rows:
+        why = f" ({reader.damage})" if reader.damage else ""
+        say(f"{arguments.log}: holds no {'usable fix' if name == RAW else 'estimate'}{why}; nothing was written")
+        finish(arguments, {"out": None, "rows": 0, "events": track.marks})
+        return 1
+    _say_what(arguments, track)
+    finish(arguments, _summary(arguments, track, target))
+    return 0
+
+
+class _Nothing(Exception):  # noqa: N818 - not an error: leaves no file behind
+    """No row came."""
+
+
+def _write(kind: Format, target: Target, track: Track) -> int:
+    """All files or none; how many rows. Raises WayfixError when they cannot be written."""
+    is_new = "" not in target.files and not target.out.exists()
+    try:
+        if is_new:
+            target.out.mkdir()
+        with ExitStack() as stack:
+            streams: dict[str, BinaryIO] = {
+                name: stack.enter_context(whole_file(path)) for name, path in target.files.items()
+            }
+            _fill(kind, streams, track)
+    except _Nothing:
+        return 0
+    except OSError as error:
+        cure = "check space and rights, or name another OUT"
+        raise WayfixError(f"cannot be written ({error.strerror})", str(target.out), cure) from error
+    finally:
+        if is_new:
+            with suppress(OSError):  # it holds something when all went well
+                target.out.rmdir()
+    return track.rows
+
+
+def _fill(kind: Format, streams: dict[str, BinaryIO], track: Track) -> None:
+    """Raises _Nothing when no row came."""
+    if "" in streams:
+        kind.write(streams[""], track)
+    else:
+        kind.write_all(streams, track)
+    if not track.rows:
+        raise _Nothing
+
+
+def _target(arguments: argparse.Namespace, kind: Format) -> Target:
+    """Raises WayfixError when OUT is what is read, or something that must not be replaced."""
+    log, out = Path(arguments.log), Path(arguments.out)
+    if kind.is_table and (arguments.out.endswith("/") or out.is_dir()):
+        files = {name: out / f"{name}.{arguments.to}" for name in NAMES}
+        if not out.exists() and not out.absolute().parent.is_dir():
+            raise WayfixError("cannot be made (no such directory above it)", str(out), "choose another OUT")
+    else:
+        files = {"": out}
+        check_target(out, [log], "choose another OUT")
+    for path in files.values():
+        if path.exists():
+            if "" not in files:
+                check_target(path, [log], "choose another OUT")
+            _check_replaced(path, arguments, kind)
+    return Target(out, files)
+
+
+def _check_replaced(path: Path, arguments: argparse.Namespace, kind: Format) -> None:
+    if not arguments.force:
+        raise WayfixError("exists already", str(path), "choose another OUT, or add --force")
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(HEAD)
+    except OSError as error:
+        raise WayfixError(f"cannot be looked at ({error.strerror})", str(path), "choose another OUT") from error
+    if head and not kind.begins(head):
+        what = f"exists already and is no {arguments.to} file of `wayfix export`"
+        raise WayfixError(what, str(path), "choose another OUT, or remove it first")
+
+
+def _chosen(arguments: argparse.Namespace, survey: Survey) -> str:
+    """The filter. Raises WayfixError for one that cannot be given."""
+    live, asked = survey.live_filters, arguments.filter
+    if asked is None:
+        if not live and arguments.order == "recorded":
+            say(f"{arguments.log}: holds no estimates, so these are the GPS fixes as they came")
+        return live[0] if live else RAW if arguments.order == "recorded" else "fuzzy"
+    if asked == RAW or (arguments.order == "recorded" and asked in live):
+        return str(asked)
+    (name,) = filters_named(asked)[:1]
+    if arguments.order == "recorded":
+        has = f"has {', '.join(live)}" if live else "has none"
+        raise WayfixError(
+            f"no estimates of {name} in {arguments.log}, which {has}", "--filter", "add --order time to run it"
+        )
+    return name
+
+
+def _say_what(arguments: argparse.Namespace, track: Track) -> None:
+    """What the rows are, and what is wanting."""
+    survey, clocks = track.survey, track.survey.clocks
+    what = f"fixes of {track.gps or 'the first GPS'}" if track.filter == RAW else f"estimates of {track.filter}"
+    how = (
+        "as published live"
+        if track.order == "recorded"
+        else "filtered again in order of boat time: the best track, not what was seen live"
+    )
+    if track.filter == RAW:
+        how = "as they came" if track.order == "recorded" else "in order of boat time"
+    tell(f"{arguments.out}: {track.rows} {what}, {how}; {track.marks} events")
+    if survey.late and track.order == "recorded":
+        tell(f"{survey.late} frames came more than {HORIZON_S:g} s late; --order time puts them in their place")
+    if not clocks.know_utc:
+        known = "the time of day, but no date" if clocks.has_time_of_day else "no UTC"
+        tell(f"the log knows {known}: times are seconds of the log")
+    if track.reader.damage:
+        say(f"{arguments.log}: {track.reader.damage}; all that is sound was exported")
+    if track.rows > HEAVY.get(arguments.to, track.rows):
+        tell(f"{track.rows} points make many programs slow; --every 1 gives one a second")
+
+
+def _summary(arguments: argparse.Namespace, track: Track, target: Target) -> dict[str, Any]:
+    return {
+        "out": arguments.out,
+        "to": arguments.to,
+        "files": {path.name: path.stat().st_size for path in target.files.values()},
+        "filter": track.filter,
+        "order": track.order,
+        "rows": track.rows,
+        "events": track.marks,
+        "late": track.survey.late,
+        "has_utc": track.survey.clocks.know_utc,
+        "damage": track.reader.damage,
+    }
+
+
+@contextmanager
+def _progress(what: str, total_s: float | None = None) -> Iterator[Callable[[float], None]]:
+    """A line on a terminal's stderr: seconds of the log so far."""
+    if not (sys.stderr and sys.stderr.isatty()):
+        yield lambda _t_s: None
+        return
+    from datetime import timedelta
+
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn(what), BarColumn(), TextColumn("{task.fields[at]}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        job = bar.add_task(what, total=total_s, at="")
+        yield lambda t_s: bar.update(job, completed=t_s, at=f"{timedelta(seconds=int(t_s))} of the trip")

@@ -1,0 +1,68 @@
+"""The formats by name: who writes them, and how a file of that kind begins."""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import BinaryIO, Final, NamedTuple
+
+from common.errors import WayfixError
+from shore.exports.track import Track
+
+
+class Format(NamedTuple):
+    """One value of `--to`."""
+
+    module: str
+    begins: Callable[[bytes], bool]
+    """Is what begins like this a file of this kind, of ours? Only such a one is ever replaced.
+
+    A Parquet file does not say at its beginning who wrote it.
+    """
+    is_table: bool = False
+    """It fills a directory too."""
+    needs: str | None = None
+    """A package of an extra,"""
+    extra: str | None = None
+
+    def write(self, stream: BinaryIO, track: Track) -> None:
+        """Raises OSError."""
+        import_module(self.module).write(stream, track)
+
+    def write_all(self, streams: dict[str, BinaryIO], track: Track) -> None:
+        """Raises OSError."""
+        import_module(self.module).write_all(streams, track)
+
+    def check(self, name: str) -> None:
+        """Raises WayfixError when a package is missing: before the long work begins."""
+        if self.needs is not None:
+            try:
+                import_module(self.needs)
+            except ModuleNotFoundError as error:
+                what = f"{self.needs} is missing, which writes {name} files"
+                raise WayfixError(what, cure=f"pip install 'wayfix[{self.extra}]'") from error
+
+
+_HERE: Final = "shore.exports"
+HEAD: Final = 256
+"""Bytes that `begins` wants to see."""
+_XML: Final = b"<?xml"
+FORMATS: Final[dict[str, Format]] = {
+    "csv": Format(f"{_HERE}.csv_file", lambda head: head.startswith(b"t_s,utc,t_ns,"), is_table=True),
+    "gpx": Format(
+        f"{_HERE}.gpx", lambda head: head.startswith(_XML) and b'<gpx version="1.1" creator="wayfix"' in head
+    ),
+    "kml": Format(f"{_HERE}.kml", lambda head: head.startswith(_XML) and b"<!-- of wayfix export -->" in head),
+    "geojson": Format(
+        f"{_HERE}.geojson", lambda head: head.startswith(b'{"type": "FeatureCollection", "generator": "wayfix"')
+    ),
+    "nmea": Format(f"{_HERE}.nmea", lambda head: head.startswith(b"$IN")),
+    "mcap": Format(f"{_HERE}.mcap_file", lambda head: head.startswith(b"\x89MCAP0") and b"wayfix-export" in head),
+    "parquet": Format(
+        f"{_HERE}.parquet", lambda head: head.startswith(b"PAR1"), is_table=True, needs="polars", extra="analysis"
+    ),
+    "png": Format(
+        f"{_HERE}.png",
+        lambda head: head.startswith(b"\x89PNG") and b"wayfix" in head,
+        needs="matplotlib",
+        extra="report",
+    ),
+}

@@ -1,0 +1,73 @@
+"""NMEA 0183, talker IN: GGA, RMC and HDT for each estimate, as an integrated navigator sends them.
+
+Not aligned is GGA quality 0, RMC status V, mode N, and no HDT, which could not say it. Time and date fields are empty
+where UTC is not known; a recording that knew the time of day, but no date, gives times without dates.
+"""
+
+from functools import reduce
+from operator import xor
+from typing import BinaryIO, Final
+
+from common.units import NS_PER_MS, NS_PER_S
+from shore.exports.track import Row, Track
+
+TALKER: Final = "IN"
+_MINUTES: Final = 60 * 10**7
+"""Steps of a coordinate in one degree: minutes with seven decimals."""
+
+
+def write(stream: BinaryIO, track: Track) -> None:
+    """Raises OSError."""
+    has_time_of_day = track.survey.clocks.has_time_of_day
+    for row in track.items():
+        if isinstance(row, Row):
+            time, date = times(row, has_time_of_day=has_time_of_day)
+            stream.write("".join(sentences(row, time, date)).encode("ascii"))
+
+
+def times(row: Row, *, has_time_of_day: bool) -> tuple[str, str]:
+    """`hhmmss.sss` and `ddmmyy`, empty where they are not known."""
+    from datetime import UTC, datetime
+
+    utc_ns = row.utc_ns
+    if utc_ns is None and not has_time_of_day:
+        return "", ""
+    total_ms = (row.t_ns if utc_ns is None else utc_ns) // NS_PER_MS
+    seconds, ms = divmod(total_ms, NS_PER_S // NS_PER_MS)
+    moment = datetime.fromtimestamp(seconds, UTC)
+    return f"{moment:%H%M%S}.{ms:03d}", "" if utc_ns is None else f"{moment:%d%m%y}"
+
+
+def sentences(row: Row, time: str, date: str) -> list[str]:
+    """GGA, RMC and HDT with CR LF."""
+    place = f"{_coordinate(row.lat_deg, 2, 'NS')},{_coordinate(row.lon_deg, 3, 'EW')}"
+    quality, status, mode = ("1", "A", "A") if row.aligned else ("0", "V", "N")
+    speed, course = _number(row.sog_kn, 3), _direction(row.cog_true_deg)
+    made = [
+        _sentence(f"GGA,{time},{place},{quality},,,,M,,M,,"),
+        _sentence(f"RMC,{time},{status},{place},{speed},{course},{date},,,{mode}"),
+    ]
+    if row.aligned and row.heading_true_deg is not None:
+        made.append(_sentence(f"HDT,{_direction(row.heading_true_deg)},T"))
+    return made
+
+
+def _sentence(text: str) -> str:
+    body = f"{TALKER}{text}"
+    return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n"
+
+
+def _coordinate(value_deg: float, digits: int, sides: str) -> str:
+    """`ddmm.mmmmmmm,N`: rounded as a whole, so that there are never 60 minutes."""
+    degrees, steps = divmod(round(abs(value_deg) * _MINUTES), _MINUTES)
+    minutes, decimals = divmod(steps, 10**7)
+    return f"{degrees:0{digits}d}{minutes:02d}.{decimals:07d},{sides[value_deg < 0.0]}"
+
+
+def _number(value: float | None, decimals: int) -> str:
+    return "" if value is None else f"{value:.{decimals}f}"
+
+
+def _direction(value_deg: float | None) -> str:
+    """Below 360 after rounding too."""
+    return "" if value_deg is None else f"{round(value_deg, 3) % 360.0:.3f}"

@@ -1,0 +1,118 @@
+"""Rows and columns of the tables, the same for CSV and Parquet: units in the names, every number as it is stored."""
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields
+from itertools import chain
+from operator import attrgetter
+from typing import Any, Final, Protocol
+
+from common.messages import Fix, Frame, Heading
+from shore.exports.clocks import Clock
+from shore.exports.track import Mark, Row, Track
+
+Values = Sequence[Any]
+TIMES: Final = ("t_s", "utc", "t_ns")
+"""Seconds of the log, UTC (ns), nanoseconds on the boat clock."""
+ESTIMATES: Final = (
+    "lat_deg", "lon_deg", "heading_true_deg", "sog_kn", "cog_true_deg",
+    "sigma_east_m", "sigma_north_m", "sigma_heading_deg", "aligned", "waiting",
+)  # fmt: skip
+"""The state follows, by its own names."""
+EVENTS: Final = (*TIMES, "level", "source", "code", "text", "evidence", "lat_deg", "lon_deg")
+FIXES: Final = (*TIMES, *(field.name for field in fields(Fix) if field.name not in ("t_ns", "utc_ns")), "usable")
+HEADINGS: Final = (*TIMES, *(field.name for field in fields(Heading) if field.name != "t_ns"))
+_of_fix: Final = attrgetter(*FIXES[len(TIMES) :])
+_of_heading: Final = attrgetter(*HEADINGS[len(TIMES) :])
+IMU: Final = (*TIMES, "sensor", "accel_fwd_m_s2", "accel_stb_m_s2", "yaw_rate_deg_s")
+
+
+class Sheet(Protocol):
+    """One table on its way to a file."""
+
+    def add(self, rows: Iterable[Values]) -> None:
+        """Some more rows. Raises OSError."""
+
+    def finish(self) -> None:
+        """The last one was added. Raises OSError."""
+
+
+Begin = Callable[[str, tuple[str, ...]], Sheet]
+"""Name and columns of a table -> where its rows go."""
+NAMES: Final = ("estimates", "events", "fixes", "headings", "imu")
+
+
+def fill(track: Track, begin: Begin) -> None:
+    """The estimates alone."""
+    _fill_estimates(track, begin, None).finish()
+
+
+def fill_all(track: Track, begin: Begin) -> None:
+    """All of `NAMES`."""
+    events = begin("events", EVENTS)
+    sheets = [_fill_estimates(track, begin, events), events]
+    brought = [begin("fixes", FIXES), begin("headings", HEADINGS), begin("imu", IMU)]
+    for clock, frame in track.frames():
+        for sheet, rows in zip(brought, _measured(clock, frame), strict=True):
+            if rows:
+                sheet.add(rows)
+    for sheet in (*sheets, *brought):
+        sheet.finish()
+
+
+def _fill_estimates(track: Track, begin: Begin, events: Sheet | None) -> Sheet:
+    rows = _only_rows(track.items(), events)
+    first = next(rows, None)
+    names = tuple(first.record["names"]) if first is not None and first.record is not None else ()
+    sheet = begin("estimates", (*TIMES, *ESTIMATES, *names))
+    sheet.add(_estimate(row, names) for row in chain(() if first is None else (first,), rows))
+    return sheet
+
+
+def _only_rows(items: Iterable[Row | Mark], events: Sheet | None) -> Iterator[Row]:
+    for item in items:
+        if isinstance(item, Row):
+            yield item
+        elif events is not None:
+            events.add([_event(item)])
+
+
+def _estimate(row: Row, names: tuple[str, ...]) -> Values:
+    values = [
+        row.t_s, row.utc_ns, row.t_ns, row.lat_deg, row.lon_deg, row.heading_true_deg, row.sog_kn, row.cog_true_deg,
+        row.sigma_east_m, row.sigma_north_m, row.sigma_heading_deg, row.aligned, ", ".join(row.waiting),
+    ]  # fmt: skip
+    if row.record is None:
+        return values
+    if tuple(row.record["names"]) == names:
+        return [*values, *row.record["state"]]
+    state = dict(zip(row.record["names"], row.record["state"], strict=True))  # the board came back with other sensors
+    return [*values, *(state.get(name) for name in names)]
+
+
+def _event(mark: Mark) -> Values:
+    lat_deg, lon_deg = mark.place or (None, None)
+    evidence = json.dumps(mark.evidence) if mark.evidence else None
+    return [
+        mark.t_s, mark.utc_ns, mark.t_ns, mark.level, mark.source, mark.code, mark.text, evidence, lat_deg, lon_deg,
+    ]  # fmt: skip
+
+
+def _measured(clock: Clock, frame: Frame) -> tuple[list[Values], list[Values], list[Values]]:
+    """Rows of fixes, headings and IMU samples."""
+
+    def times(t_ns: int) -> tuple[float, int | None, int]:
+        return clock.seconds(t_ns), clock.utc_ns(t_ns), t_ns
+
+    samples = (
+        (block.sensor, sample)
+        for block in frame.imu
+        for sample in zip(
+            block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=True
+        )
+    )
+    return (
+        [[*times(fix.t_ns), *_of_fix(fix)] for fix in frame.fixes],
+        [[*times(heading.t_ns), *_of_heading(heading)] for heading in frame.headings],
+        [[*times(t_ns), sensor, *values] for sensor, (t_ns, *values) in samples],
+    )

@@ -1,0 +1,263 @@
+"""One source of rows for every format: the estimates of one filter in order of boat time, and the events among them.
+
+    track = Track(reader, survey, "fuzzy", order="recorded", every_s=None)
+    for item in track.items(): ...              # Row or Mark; nothing of it is kept
+
+`recorded` gives what was published live; `time` runs the filter again over the frames in order of boat time.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from heapq import heappop, heappush
+from itertools import chain
+from typing import Any, Final, NamedTuple
+
+from common.messages import Fix, Frame
+from common.units import NS_PER_S
+from shore.exports.clocks import Clock
+from shore.exports.survey import SHOWN_EACH, Survey
+from shore.logbook.read import LogReader
+from shore.logbook.schemas import ESTIMATES, FRAMES
+from shore.replay.comparison import STATION_EVENTS
+
+ORDERS: Final = ("recorded", "time")
+RAW: Final = "raw"
+"""In place of a filter: the usable fixes of one receiver."""
+GAP_NS: Final = 10 * NS_PER_S
+"""After so long without a row a track begins anew."""
+NEAR_NS: Final = 10 * NS_PER_S
+"""An event has the place of a row that is no further away."""
+RESETS: Final = frozenset({"filter-reset", "origin-moved", "board-rebooted"})
+"""Events after which the track is another piece."""
+
+Place = tuple[float, float]
+Entry = tuple[int, int, int, Clock, dict[str, Any]]
+"""Number of the clock, time and number of an event, so that they sort; the clock, the event."""
+
+
+class Row(NamedTuple):
+    """One place of the boat. Missing is `None`."""
+
+    clock: Clock
+    t_ns: int
+    t_s: float
+    """Seconds of the log."""
+    utc_ns: int | None
+    lat_deg: float
+    lon_deg: float
+    heading_true_deg: float | None
+    sog_kn: float | None
+    cog_true_deg: float | None
+    sigma_east_m: float | None
+    sigma_north_m: float | None
+    sigma_heading_deg: float | None
+    aligned: bool
+    """Valid. For a raw fix: the receiver says so."""
+    waiting: tuple[str, ...]
+    is_first: bool
+    """A new piece of track begins: the first of all, after a gap, a reset of the filter or of the board."""
+    record: dict[str, Any] | None
+    """The whole estimate; none behind a raw fix."""
+    data: bytes | None
+    """The same, as the log has it; none where the log has none."""
+
+    @property
+    def covariance_m2(self) -> tuple[float, float, float] | None:
+        """Of the place: east, east-north, north; `None` behind a raw fix, and where it was not finite or not said."""
+        if self.record is None or len(self.record["state"]) < 2:
+            return None
+        east, cross, north = (self.record["covariance"][index] for index in (0, 1, len(self.record["state"])))
+        return None if None in (east, cross, north) or min(east, north) < 0.0 else (east, cross, north)
+
+
+class Mark(NamedTuple):
+    """An event, and where the boat was."""
+
+    t_ns: int
+    t_s: float
+    utc_ns: int | None
+    source: str
+    code: str
+    level: str
+    text: str
+    evidence: dict[str, Any]
+    place: Place | None
+    """lat, lon in deg; `None` where no row is near in time."""
+
+
+class _Found(NamedTuple):
+    """A row to be."""
+
+    clock: Clock
+    record: dict[str, Any]
+    data: bytes | None = None
+
+
+class Track:
+    """One filter (or `raw`) of one log; every call of `items` reads the log once."""
+
+    def __init__(self, reader: LogReader, survey: Survey, name: str, order: str, every_s: float | None) -> None:
+        self.reader = reader
+        self.survey = survey
+        self.filter = name
+        self.order = order
+        self.rows = 0
+        """Given by the newest pass."""
+        self.marks = 0
+        self.shown: Callable[[float], None] = lambda _t_s: None
+        """Called with seconds of the log now and then."""
+        self._every_ns = None if every_s is None else max(round(every_s * NS_PER_S), 1)
+
+    @property
+    def title(self) -> str:
+        """What a person calls it."""
+        return str(self.survey.trip.get("name") or os.fsencode(self.reader.path.stem).decode(errors="replace"))
+
+    @property
+    def gps(self) -> str | None:
+        """The receiver of `raw`: the first of the configuration, else (`None`) the first that gives a usable fix."""
+        return next((str(table["id"]) for table in self.survey.sensors("gps")), None)
+
+    def items(self) -> Iterator[Row | Mark]:
+        """Rows and events in order of boat time; where the board's clock begins again, clock after clock."""
+        self.rows = self.marks = 0
+        waiting = _Waiting(self._known_events(), self.filter)
+        last: Row | None = None
+        slot: tuple[int, int] | None = None
+        for count, found in enumerate(self._found(waiting)):
+            row = _row(found, last)
+            if count % SHOWN_EACH == 0:
+                self.shown(row.t_s)
+            marks, resets = waiting.until(last, row)
+            for mark in marks:
+                self.marks += 1
+                yield mark
+            is_first = resets or _is_apart(last, row)
+            last = row
+            here = (row.clock.number, row.t_ns // self._every_ns) if self._every_ns else None
+            if here is None or is_first or here != slot:
+                slot = here
+                self.rows += 1
+                yield row._replace(is_first=True) if is_first else row
+        for mark in waiting.until(last, None)[0]:
+            self.marks += 1
+            yield mark
+
+    def frames(self, kind: bytes = b"") -> Iterator[tuple[Clock, Frame]]:
+        """Frames that can be decoded, in the order of the export, with their clock; at least all with this `kind`."""
+        clocks = self.survey.clocks
+        if self.order == "time":
+            from shore.replay.run import Frames
+
+            yield from ((clocks.of_frame(item.frame), item.frame) for item in Frames(self.reader, "time"))
+            return
+        for count, record in enumerate(self.reader.records(FRAMES)):
+            if kind not in record.data:  # the name of a list that is not empty: most frames have no fix
+                continue
+            frame = self.reader.frame(record)
+            if frame is None:
+                continue
+            clock = clocks.of_frame(frame)
+            if count % SHOWN_EACH == 0:
+                self.shown(clock.seconds(frame.t1_ns))
+            yield clock, frame
+
+    def fixes(self) -> Iterator[tuple[Clock, Fix]]:
+        """Fixes with a position, of all receivers."""
+        for clock, frame in self.frames(b"fixes"):
+            yield from ((clock, fix) for fix in frame.fixes if fix.lat_deg is not None and fix.lon_deg is not None)
+
+    def _known_events(self) -> Iterator[tuple[Clock, dict[str, Any]]]:
+        """Those of the log; of a new run of the filter only those that it cannot make."""
+        for clock, event in self.survey.events:
+            if self.order == "recorded" or self.filter == RAW or event["code"] in STATION_EVENTS:
+                yield clock, event
+
+    def _found(self, waiting: "_Waiting") -> Iterator[_Found]:
+        if self.filter == RAW:
+            return self._raw()
+        return self._again(waiting) if self.order == "time" else self._recorded()
+
+    def _recorded(self) -> Iterator[_Found]:
+        clocks = self.survey.clocks
+        for record in self.reader.records(f"{ESTIMATES}{self.filter}"):
+            estimate = self.reader.content(record)
+            if estimate is not None:
+                yield _Found(clocks.of_boot(estimate["boot_id"], estimate["t_ns"]), estimate, record.data)
+
+    def _again(self, waiting: "_Waiting") -> Iterator[_Found]:
+        from shore.replay.run import Replay
+
+        for played in Replay(self.reader.path, [self.filter], order="time"):
+            frame = played.arrival.frame
+            clock = self.survey.clocks.of_frame(frame)
+            for event in chain(frame.events, played.output.events):
+                waiting.add(clock, asdict(event))
+            yield from (_Found(clock, record) for record in played.records)
+
+    def _raw(self) -> Iterator[_Found]:
+        """A receiver's latency lets a fix come after a newer one now and then: it stays out."""
+        sensor = self.gps
+        newest: tuple[int, int] | None = None
+        for clock, fix in self.fixes():
+            sensor = sensor or fix.sensor
+            here = clock.number, fix.t_ns
+            if fix.sensor == sensor and fix.usable and (newest is None or here > newest):
+                newest = here
+                yield _Found(
+                    clock,
+                    {name: getattr(fix, name) for name in ("t_ns", "lat_deg", "lon_deg", "sog_kn")}
+                    | {"cog_true_deg": fix.cog_true_deg, "fix": True},
+                )
+
+
+def _row(found: _Found, last: Row | None) -> Row:
+    clock, record, data = found
+    t_ns = record["t_ns"]
+    return Row(
+        clock, t_ns, clock.seconds(t_ns), clock.utc_ns(t_ns), record["lat_deg"], record["lon_deg"],
+        record.get("heading_true_deg"), record["sog_kn"], record["cog_true_deg"],
+        record.get("sigma_east_m"), record.get("sigma_north_m"), record.get("sigma_heading_deg"),
+        record.get("aligned", True), tuple(record.get("waiting", ())), last is None,
+        None if "fix" in record else record, data,
+    )  # fmt: skip
+
+
+def _is_apart(last: Row | None, row: Row) -> bool:
+    return last is None or row.clock is not last.clock or not 0 <= row.t_ns - last.t_ns <= GAP_NS
+
+
+class _Waiting:
+    """Events that wait for the rows about their time."""
+
+    def __init__(self, events: Iterator[tuple[Clock, dict[str, Any]]], name: str) -> None:
+        self._filter = name
+        self._heap: list[Entry] = []
+        self._count = 0
+        for clock, event in events:
+            self.add(clock, event)
+
+    def add(self, clock: Clock, event: dict[str, Any]) -> None:
+        """One more."""
+        self._count += 1
+        heappush(self._heap, (clock.number, event["t_ns"], self._count, clock, event))
+
+    def until(self, last: Row | None, row: Row | None) -> tuple[list[Mark], bool]:
+        """Those up to `row` (`None` = all), each at the nearer of the two rows, and whether one begins a new piece."""
+        marks, resets = [], False
+        while self._heap and (row is None or self._heap[0][:2] <= (row.clock.number, row.t_ns)):
+            *_, clock, event = heappop(self._heap)
+            marks.append(_mark(clock, event, last, row))
+            resets |= event["code"] in RESETS and event["evidence"].get("filter", self._filter) == self._filter
+        return marks, resets
+
+
+def _mark(clock: Clock, event: dict[str, Any], last: Row | None, row: Row | None) -> Mark:
+    t_ns = event["t_ns"]
+    near = [each for each in (last, row) if each and each.clock is clock and abs(each.t_ns - t_ns) <= NEAR_NS]
+    nearest = min(near, key=lambda each: abs(each.t_ns - t_ns), default=None)
+    return Mark(
+        t_ns, clock.seconds(t_ns), clock.utc_ns(t_ns), event["source"], event["code"], event["level"], event["text"],
+        event["evidence"], None if nearest is None else (nearest.lat_deg, nearest.lon_deg),
+    )  # fmt: skip

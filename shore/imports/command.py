@@ -1,0 +1,82 @@
+"""`wayfix import`: what is asked, what a file is, and what is said of it at the end."""
+
+import argparse
+import os
+from datetime import UTC, datetime
+from typing import Final
+
+from common.errors import WayfixError
+from common.units import NS_PER_S
+from common.whole_file import check_target
+from shore.imports.kinds import Kind, recognise
+from shore.imports.run import Job, imported
+from shore.imports.write import Written
+from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
+
+NO_FILTERS: Final = "none"
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Import a file; the exit code. Raises WayfixError."""
+    check_target(arguments.out, [path for path in (arguments.recording, arguments.map) if path], "give another OUT")
+    if os.path.lexists(arguments.out):
+        raise WayfixError("exists already", str(arguments.out), "give another OUT, or remove it first")
+    filters = () if arguments.filters.strip() == NO_FILTERS else filters_named(arguments.filters)
+    kind = recognise(arguments.recording, has_map=arguments.map is not None, is_serial=arguments.config is not None)
+    _check_options(arguments, kind)
+    job = Job(arguments.recording, arguments.out, arguments, filters, kind)
+    say(f"{job.source}: {kind}")
+    try:
+        with every_end_is_ctrl_c():
+            written = imported(job)
+    except KeyboardInterrupt:
+        say(f"stopped; {job.out} was not written")
+        return 0
+    return _tell(job, written)
+
+
+def _check_options(arguments: argparse.Namespace, kind: Kind) -> None:
+    serial = kind in (Kind.SERIAL, Kind.SIGNALK_LOG)
+    if kind is Kind.FRAMES and (arguments.config or arguments.lines_per_second):
+        raise WayfixError(
+            "is a frames file: sensors and times stand in it", str(arguments.recording), "give no options"
+        )
+    if arguments.port is not None and (not serial or arguments.config is None):
+        cure = "give --config BOAT.toml too" if serial else "leave it out"
+        raise WayfixError("names a port of a configuration, for serial recordings", "--port", cure)
+    if arguments.vessel is not None and kind not in (Kind.SIGNALK, Kind.SIGNALK_LOG):
+        raise WayfixError("names a vessel of Signal K deltas", "--vessel", "leave it out")
+    if arguments.lines_per_second is not None and kind is Kind.TABLE:
+        raise WayfixError("is for recordings without times", "--lines-per-second", "the mapping says where the time is")
+
+
+def _tell(job: Job, result: tuple[bool, Written]) -> int:
+    done, written = result
+    for account in job.accounts:
+        for line in account.words():
+            tell(line)
+    for note in job.notes:
+        say(note)
+    began = None if written.utc_ns is None else datetime.fromtimestamp(written.utc_ns // NS_PER_S, UTC).isoformat()
+    summary = {
+        **job.record(),
+        "out": str(job.out) if done else None,
+        "frames": written.frames,
+        "bad_frames": written.bad,
+        "seconds": round(written.seconds, 3),
+        "utc": began,
+        "measurements": dict(sorted(written.measurements.items())),
+        "usable_fixes": written.usable_fixes,
+        "estimates": dict(written.estimates),
+        "aligned": written.aligned,
+        "events": dict(sorted(written.events.items())),
+    }
+    if done:
+        held = ", ".join(f"{name} {count}" for name, count in sorted(written.measurements.items()))
+        tell(f"{job.out}: {written.frames} frames, {written.seconds:.1f} s from {began or 'an unknown date'}: {held}")
+        if job.filters:
+            tell(f"estimates of {', '.join(job.filters)}: {written.estimates.total()}; aligned {written.aligned}")
+    else:
+        say(f"{job.source}: nothing in it could be used, {job.out} was not written")
+    finish(job.arguments, summary)
+    return 0 if done else 1

@@ -1,0 +1,221 @@
+"""What a file is, told by its content, never by its name; and one sentence for what cannot be imported."""
+
+import json
+import os
+import re
+import stat
+from collections import Counter
+from collections.abc import Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+from common.errors import WayfixError
+from common.frames_file import is_frames_file
+from shore.imports.table import Table, example_of, table_in
+
+HEAD_BYTES: Final = 1 << 18
+"""Enough of a file to tell what it is."""
+MOST_NAMED: Final = 24
+_EXAMPLES: Final = "examples are in deploy/examples"
+_AS_UTF8: Final = "convert it with `iconv -f UTF-16 -t UTF-8 FILE > OUT`"
+_KNOWN: Final = "NMEA 0183, gpsd JSON, Signal K and CSV with --map can be imported"
+
+
+class Kind(StrEnum):
+    """What can be imported."""
+
+    FRAMES = "frames file"
+    SERIAL = "serial recording"
+    TABLE = "table (CSV)"
+    GPSD = "gpsd JSON"
+    SIGNALK = "Signal K deltas"
+    SIGNALK_LOG = "Signal K server log"
+
+
+_MAGICS: Final[tuple[tuple[bytes, str, str], ...]] = (
+    (b"\x89HDF", "an HDF5 file (or MATLAB 7.3)", "export it as CSV and give a --map"),
+    (b"MATLAB 5.0", "a MATLAB file", "export it as CSV and give a --map"),
+    (b"\x89PNG", "a picture (PNG)", _KNOWN),
+    (b"\xff\xd8\xff", "a picture (JPEG)", _KNOWN),
+    (b"GIF8", "a picture (GIF)", _KNOWN),
+    (b"%PDF", "a PDF", _KNOWN),
+    (b"PK\x03\x04", "a ZIP archive or an office file", "unpack it, or save the sheet as CSV"),
+    (b"\x1f\x8b", "compressed (gzip)", "unpack it with gunzip"),
+    (b"BZh", "compressed (bzip2)", "unpack it with bunzip2"),
+    (b"\xfd7zXZ", "compressed (xz)", "unpack it with unxz"),
+    (b"\x28\xb5\x2f\xfd", "compressed (zstd)", "unpack it with unzstd"),
+    (b"SQLite format 3", "an SQLite data base", "export the table as CSV and give a --map"),
+    (b"PAR1", "a Parquet table", "export it as CSV and give a --map"),
+    (b"#ROSBAG", "a ROS 1 bag", "export its topics as CSV and give a --map"),
+    (b"\xff\xfe", "text in UTF-16", _AS_UTF8),
+    (b"\xfe\xff", "text in UTF-16", _AS_UTF8),
+    (b"\xa3\x95", "an ArduPilot flash log", "export its messages as CSV and give a --map"),
+    (b"ULog", "a PX4 log", "export its messages as CSV (ulog2csv) and give a --map"),
+    (b"\x7fELF", "a program", _KNOWN),
+)
+_EXPORTS: Final = {
+    b'"generator": "wayfix"': "GeoJSON",
+    b'creator="wayfix"': "GPX",
+    b"of wayfix export": "KML",
+    b"wayfix-export": "MCAP",
+}
+"""Of our own: what stands in the first bytes of an export, and its form."""
+_MCAP: Final = b"\x89MCAP0\r\n"
+_UBX: Final = b"\xb5\x62"
+_SENTENCE: Final = re.compile(rb"[$!][A-Z0-9]{4,6},[^\r\n$!]*")
+_OTHER_DEVICE: Final = re.compile(rb"!!!.*\*\*\*|\$C[0-9]+\.[0-9].*|%-?[0-9]{3}[0-9.].*")
+"""Lines of an ArduIMU, a TCM2, a KVH."""
+SERVER_LINE: Final = re.compile(r"([0-9]{10,13}|[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9:.]+Z?);([^;]*);(.*)")
+"""Time (ms since 1970, or ISO 8601), provider, payload."""
+_PROGRAM_LOG: Final = re.compile(rb"[0-9]{4}-[0-9]{2}-[0-9]{2} [0-9:,.]+ - [A-Z]+ - ")
+_JSON_KEY: Final = re.compile(r'"(\w+)"\s*:')
+
+
+def recognise(path: Path, *, has_map: bool, is_serial: bool) -> Kind:
+    """The kind of a file; `is_serial`: somebody says that it is a recording of a port (--config).
+
+    Raises WayfixError for what cannot be imported, with what it looks like and what to do.
+    """
+    head = _head(path)
+    kind = _kind(path, head, has_map=has_map, is_serial=is_serial)
+    if kind is Kind.TABLE and not has_map:
+        table = table_in(head)
+        assert table is not None
+        _refuse_table(path, table)
+    if kind is not Kind.TABLE and has_map:
+        raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "leave --map out")
+    return kind
+
+
+def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Kind:
+    if is_frames_file(path):
+        return Kind.FRAMES
+    _refuse_magic(path, head)
+    lines = [line for line in re.split(rb"[\r\n]+", head) if line.strip()]
+    if not lines:
+        raise WayfixError("there is nothing in it", str(path), "give a recording")
+    found = _json_kind(path, lines)
+    if found is not None:
+        return found
+    sentences = sum(_SENTENCE.search(line) is not None for line in lines)
+    if 2 * sum(SERVER_LINE.match(line.decode(errors="replace")) is not None for line in lines) > len(lines):
+        return Kind.SIGNALK_LOG
+    if sentences > len(lines) // 100 or any(_OTHER_DEVICE.match(line) for line in lines[:100]):
+        return Kind.SERIAL
+    if _is_binary(head):
+        if _UBX in head:
+            cure = "let the receiver send NMEA, or import what gpsd makes of it (gpspipe -w)"
+            raise WayfixError("is binary of a u-blox receiver (UBX)", str(path), cure)
+        raise WayfixError("is binary, of a kind that is not known here", str(path), _KNOWN)
+    _refuse_text(path, head, lines)
+    if table_in(head) is not None:
+        return Kind.TABLE
+    if is_serial:
+        return Kind.SERIAL
+    if has_map:
+        cure = "give a CSV file: a line of column names, and rows of as many fields"
+        raise WayfixError("is no table that --map could be for", str(path), cure)
+    raise WayfixError("is a text of a kind that is not known here", str(path), f"{_KNOWN}; with --config too")
+
+
+def _head(path: Path) -> bytes:
+    try:
+        # Non-blocking: opening a pipe that nobody writes to would wait for ever.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        with os.fdopen(descriptor, "rb") as stream:
+            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+                raise WayfixError("is no plain file", str(path), "give a recording")
+            return stream.read(HEAD_BYTES)
+    except OSError as error:
+        raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give the path of a file") from error
+
+
+def _refuse_magic(path: Path, head: bytes) -> None:
+    for mark, name in _EXPORTS.items():
+        if mark in head[:512]:
+            cure = "use the log itself, or import its NMEA export (`wayfix export LOG --to nmea OUT`)"
+            raise WayfixError(f"is a track of `wayfix export` ({name}), no recording of sensors", str(path), cure)
+    if head.startswith(_MCAP):
+        if b"wayfix" in head[:64]:
+            raise WayfixError(
+                "is a log already", str(path), "`wayfix replay` runs it again, `wayfix log recover` mends it"
+            )
+        raise WayfixError("is an MCAP file of another program", str(path), f"export its topics as CSV; {_KNOWN}")
+    for magic, name, cure in _MAGICS:
+        if head.startswith(magic):
+            raise WayfixError(f"is {name}", str(path), cure)
+
+
+def _json_kind(path: Path, lines: list[bytes]) -> Kind | None:
+    """By the first lines that are JSON objects; `None` where there are none."""
+    votes: Counter[Kind] = Counter()
+    for content in _objects(lines):
+        if isinstance(content.get("updates"), list):
+            votes[Kind.SIGNALK] += 1
+        elif isinstance(content.get("class"), str):
+            votes[Kind.GPSD] += 1
+    if votes:
+        return votes.most_common(1)[0][0]
+    if lines[0].lstrip()[:1] in (b"{", b"["):
+        _refuse_json(path, b"\n".join(lines[:200])[:4096].decode(errors="replace"))
+    return None
+
+
+def _objects(lines: list[bytes]) -> Iterator[dict[str, Any]]:
+    for line in lines:
+        if line.lstrip()[:1] == b"{":
+            try:
+                content = json.loads(line)
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(content, dict):
+                yield content
+
+
+def _refuse_json(path: Path, text: str) -> NoReturn:
+    keys = list(dict.fromkeys(_JSON_KEY.findall(text)))
+    if "sensorID" in keys or "detections" in keys:
+        what = "holds decoded detections of radar, lidar or cameras, not what a boat's own sensors said"
+    elif "targetID" in keys:
+        what = "holds the tracks of other vessels, not what a boat's own sensors said"
+    elif "vessels" in keys:
+        what = "is a Signal K tree: one moment, no recording"
+    elif "FeatureCollection" in text or "coordinates" in keys:
+        what = "is GeoJSON: a drawing without times"
+    elif "updates" in keys or "class" in keys:
+        cure = "put one object on each line, for example with `jq -c .`"
+        raise WayfixError("is JSON that does not stand one object to a line", str(path), cure)
+    else:
+        what = f"is JSON of another kind (its keys: {', '.join(keys[:6]) or 'none'})"
+    raise WayfixError(what, str(path), _KNOWN)
+
+
+def _is_binary(head: bytes) -> bool:
+    strange = sum(byte < 9 or 13 < byte < 32 for byte in head)
+    return b"\0" in head or 20 * strange > len(head)
+
+
+def _refuse_text(path: Path, head: bytes, lines: list[bytes]) -> None:
+    if head.lstrip()[:1] == b"<":
+        name = "GPX" if b"<gpx" in head else "KML" if b"<kml" in head else "XML or HTML"
+        raise WayfixError(f"is {name}: a track, no recording of sensors", str(path), f"convert it to CSV; {_KNOWN}")
+    if sum(_PROGRAM_LOG.match(line) is not None for line in lines[:50]) * 2 > len(lines[:50]):
+        cure = "write its values to a CSV with one time column and give a --map"
+        raise WayfixError("is the text log of a program, with values inside sentences of its own", str(path), cure)
+
+
+def _refuse_table(path: Path, table: Table) -> NoReturn:
+    names = [name.lower() for name in table.columns]
+    named = [name for name in table.columns if name]
+    columns = ", ".join(named[:MOST_NAMED]) + (", ..." if len(named) > MOST_NAMED else "")
+    if "mmsi" in names:
+        cure = "import the boat's own NMEA stream, which carries AIS sentences too"
+        raise WayfixError("holds decoded AIS positions of other ships, none of the boat's own", str(path), cure)
+    if "scan" in names and not any("own" in name for name in names):
+        raise WayfixError("holds decoded radar detections, nothing of the boat's own sensors", str(path), _KNOWN)
+    example = example_of(table)
+    cure = "say with --map MAP.toml which column is what; " + (
+        f"deploy/examples/{example} is for files with these columns" if example else _EXAMPLES
+    )
+    raise WayfixError(f"is a table with the columns {columns}", str(path), cure)

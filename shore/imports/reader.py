@@ -1,0 +1,128 @@
+"""What every reader of a foreign recording does, and the sensors that it finds on its way."""
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, Protocol
+
+from common.errors import WayfixError
+from common.framer import Measurement
+from common.sensors import IMU_AXES, BoatTable, SensorTable
+from shore.imports.account import Account
+
+
+class Record(NamedTuple):
+    """Something in a recording that may hold measurements."""
+
+    t_ns: int | None
+    """Its own time (UTC or from anywhere), whole us; `None` = it has none."""
+    content: Any
+
+
+class Reader(Protocol):
+    """One pass over a recording. Counts everything it sees in its accounts, exactly once."""
+
+    accounts: tuple[Account, ...]
+    boat: BoatTable
+    is_utc: bool
+    """The records' times are UTC."""
+    notes: list[str]
+    """What a person should know about the pass."""
+    sources: "Sources"
+    """Which sensors are whose; the second pass over a file is given those of the first."""
+
+    def records(self) -> Iterator[Record]:
+        """What may hold measurements, in the order of the file; everything else is counted and passed over."""
+
+    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
+        """The measurements of a record at this boat time; counted."""
+
+    def leave_out(self, record: Record, reason: str, /) -> None:
+        """A record without a time that could be used; counted."""
+
+    def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
+        """The sensors that were found in the pass, each with what it says of itself."""
+
+
+@dataclass(slots=True)
+class Sources:
+    """Sensor ids (role + number) of the sources of a recording, in the order in which they first speak."""
+
+    names: dict[tuple[str, str], str] = field(default_factory=dict)
+    """(role, source) -> sensor id."""
+
+    def id_of(self, role: str, source: str) -> str:
+        """The sensor of this role at a source."""
+        key = (role, source)
+        if key not in self.names:
+            self.names[key] = f"{role}{1 + sum(known == role for known, _ in self.names)}"
+        return self.names[key]
+
+    def tables(self, port: str, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
+        """`[[sensor]]` of each that measured anything, by role and number.
+
+        How somebody else's IMU is mounted is not known: it is recorded, not fused.
+        """
+        return tuple(
+            SensorTable(
+                id=sensor,
+                port=port,
+                role=role,
+                rate_hz=rates_hz[sensor],
+                use=() if role == "imu" else IMU_AXES,
+            )
+            for (role, source), sensor in sorted(self.names.items(), key=lambda item: (item[0][0], item[1]))
+            if sensor in rates_hz and not (role == "gyro" and ("compass", source) in self.names)
+        )
+
+    def as_record(self) -> dict[str, str]:
+        """Sensor id -> source, for the log."""
+        return {sensor: source for (_, source), sensor in self.names.items()}
+
+
+class Lines:
+    """The lines of a text file, read as they are needed."""
+
+    def __init__(self, path: Path, progress: Callable[[int], None] | None = None) -> None:
+        """Progress is told the bytes of each line."""
+        self._path = path
+        self._progress = progress
+
+    def __iter__(self) -> Iterator[str]:
+        """Each line that is not empty, without its end; a byte that is no UTF-8 becomes a question mark of Unicode."""
+        with opened(self._path) as stream:
+            for data in _pieces(stream):
+                if self._progress:
+                    self._progress(len(data))
+                for line in (
+                    data.decode("utf-8", errors="replace").removeprefix("\ufeff").replace("\r", "\n").split("\n")
+                ):
+                    if line.strip():
+                        yield line
+
+
+LONGEST_LINE: int = 1 << 22
+"""Bytes; a longer one is cut there, and no record any more."""
+
+
+def _pieces(stream: BinaryIO) -> Iterator[bytes]:
+    while data := stream.readline(LONGEST_LINE):
+        yield data
+
+
+def opened(path: Path) -> BinaryIO:
+    """The file for reading; raises WayfixError."""
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give the path of a file") from error
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with opened(path) as stream:
+        digest = hashlib.sha256()
+        while data := stream.read(1 << 20):
+            digest.update(data)
+        return digest.hexdigest()

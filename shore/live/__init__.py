@@ -1,0 +1,1 @@
+"""`wayfix connect`: a live session from the board's greeting to its end."""

@@ -1,0 +1,112 @@
+"""`wayfix connect`: join a boat, which is looked for when no address is given."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from common.command import number
+from common.errors import LinkError, NoAnswerError, WayfixError
+from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
+from shore.link.choose_boat import Seeker, add_meeting_arguments, link_to, looker, meet
+from shore.logbook.trip_arguments import add_trip_arguments
+from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
+
+if TYPE_CHECKING:
+    from shore.link.known_boats import Boats
+    from shore.live.run import Options, Tally
+
+DEFAULT_FILTERS: Final = "fuzzy"
+WAIT_S: Final = 30.0
+"""For one greeting with --wait: over a bad radio it takes long."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `wayfix connect`."""
+    parser.add_argument(
+        "--frames",
+        type=number(int, 1, MAX_RUN_FRAMES),
+        metavar="M",
+        help="receive exactly M frames, then end (the thesis' mode)",
+    )
+    parser.add_argument(
+        "--period",
+        type=number(float, MIN_PERIOD_S, MAX_PERIOD_S),
+        metavar="SECONDS",
+        help="length of a frame with --frames (default 1)",
+    )
+    add_meeting_arguments(parser)
+    parser.add_argument(
+        "--wait",
+        action="store_true",
+        help="wait for a boat that does not answer yet, until Ctrl-C",
+    )
+    parser.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
+    add_trip_arguments(parser)
+    add_filter_arguments(parser, DEFAULT_FILTERS)
+    add_json(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 1 = fewer frames than asked for, or a log that ended before the run."""
+    from shore.link.known_boats import Boats
+
+    options = _options(arguments)
+    boats = Boats(arguments.keys)
+    while True:
+        try:
+            return _joined(arguments, options, boats)
+        except NoAnswerError as error:
+            if not arguments.wait:
+                raise
+            say(f"{error.where + ': ' if error.where else ''}{error.what}; trying again (--wait)")
+
+
+def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -> int:
+    from shore.live.run import LiveRun, StopFlag
+
+    address, boat = meet(arguments, boats)
+    link = link_to(address, boat, boats)
+    seeker = Seeker(looker(boat, boats)) if boat is not None and arguments.address is None else None
+    with StopFlag().on_signals() as stop:
+        try:
+            live = LiveRun(link, options, stop, say, seeker)
+            if boat is not None:
+                boats.remember(boat.boat_id, boat.public_key, address)
+            tally = live.run()
+        except LinkError:
+            if stop():  # Ctrl-C while nobody had answered yet
+                return 0
+            raise
+        finally:
+            link.close()
+    counts = {"received": tally.received, "missing": tally.missing}
+    fault = None if live.log_fault is None else str(live.log_fault)
+    if fault is not None:
+        say(f"the log ended before the run: {fault}; the next `wayfix connect` fetches what it lacks")
+    finish(arguments, {"frames": counts, "log": str(live.log_path) if live.log_path else None, "log_fault": fault})
+    return _exit_code(tally, options, is_stopped=stop()) or int(fault is not None)
+
+
+def _options(arguments: argparse.Namespace) -> "Options":
+    from shore.link.link import CONNECT_TIMEOUT_S
+    from shore.live.run import Options
+    from shore.logbook.session import trip_record
+
+    if arguments.period is not None and arguments.frames is None:
+        raise WayfixError("--period needs --frames", cure="give --frames M too, or leave --period out")
+    period_s = 1.0 if arguments.frames is not None and arguments.period is None else arguments.period
+    filters = filters_named(arguments.filters)
+    trip = trip_record(arguments.name, arguments.place, arguments.note)
+    if trip is not None and arguments.log is None:
+        raise WayfixError("a name, place or note is kept in a log", "--name", "give --log DIR too")
+    connect_s = WAIT_S if arguments.wait else CONNECT_TIMEOUT_S
+    return Options(filters, arguments.frames, period_s, arguments.step, arguments.log, trip, connect_s)
+
+
+def _exit_code(tally: "Tally", options: "Options", *, is_stopped: bool) -> int:
+    if tally.end_reason is not None:
+        say(f"the boat ended the session after {tally.received} frames: {tally.end_reason}")
+    if options.frames is not None and tally.received < options.frames and not is_stopped:
+        say(f"only {tally.received} of {options.frames} frames were received")
+        return 1
+    return 0

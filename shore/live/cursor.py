@@ -1,0 +1,106 @@
+"""Which frames of a boat a directory of logs holds, kept beside them, so that each is stored once over all runs.
+
+`<boat>.cursor` is written after the log is on the disk, so it never claims a frame that no log holds; what a killed
+station wrote after its last cursor is read from the log it names.
+"""
+
+import json
+import re
+from collections.abc import Callable
+from io import FileIO
+from pathlib import Path
+from typing import Any, Final
+
+from common.codec import decode_frame
+from common.errors import CodecError, WayfixError
+from common.whole_file import part_of
+from shore.link.ledger import Ledger, Start
+from shore.logbook.lock import is_being_written, lock
+from shore.logbook.read import read_log
+from shore.logbook.schemas import FRAMES
+
+FORM: Final = 1
+
+
+class Cursor:
+    """Owns the ledger of one boat in one directory; `close` it at the end."""
+
+    def __init__(self, directory: Path, boat_id: str, say: Callable[[str], None]) -> None:
+        """Raises WayfixError when another station writes logs of this boat here, or nothing can be written."""
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", boat_id)
+        self._path = directory / f"{stem}.cursor"
+        self._boat_id = boat_id
+        lock_path = directory / f".{stem}.cursor.lock"
+        if is_being_written(lock_path):
+            cure = "give another --log directory, or stop it"
+            raise WayfixError("another station writes logs of this boat here", str(directory), cure)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            self._lock = FileIO(lock_path, "wb")
+        except OSError as error:
+            cure = "give a directory you may write to"
+            raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
+        lock(self._lock.fileno())
+        self.ledger = self._load(say)
+
+    def saver(self, log: Path, log_time_ns: int) -> Callable[[], None]:
+        """What to call, in any thread, once everything that is in the ledger now is on the disk; it raises OSError.
+
+        log_time_ns: of the newest record of `log`.
+        """
+        record = {
+            "cursor": FORM,
+            "boat_id": self._boat_id,
+            "log": log.name,
+            "log_time_ns": log_time_ns,
+            "starts": self.ledger.as_record(),
+        }
+        part = part_of(self._path)
+
+        def save() -> None:
+            part.write_text(json.dumps(record, separators=(",", ":")), encoding="utf-8")
+            part.replace(self._path)
+
+        return save
+
+    def close(self) -> None:
+        """Let another station write here."""
+        self._lock.close()
+
+    def _load(self, say: Callable[[str], None]) -> Ledger:
+        try:
+            record = json.loads(self._path.read_text(encoding="utf-8"))
+            ledger = _ledger_of(record)
+            log, since_ns = self._path.with_name(str(record["log"])), int(record["log_time_ns"])
+        except FileNotFoundError:
+            return Ledger()
+        except (OSError, ValueError, KeyError, TypeError):
+            say(f"{self._path}: not readable; the boat is taken for a new one, and frames are asked for from now on")
+            return Ledger()
+        if log.exists():
+            _add_newer(ledger, log, since_ns)
+        return ledger
+
+
+def _ledger_of(record: Any) -> Ledger:
+    if record["cursor"] != FORM:
+        raise ValueError("another form")
+    starts = []
+    for item in record["starts"]:
+        start = Start(str(item["boot_id"]), int(item["first"]), int(item["upto"]))
+        for name, seqs in (("seen", start.seen), ("gone", start.gone)):
+            for first, last in item[name]:
+                seqs.add(int(first), int(last))
+        starts.append(start)
+    return Ledger(starts)
+
+
+def _add_newer(ledger: Ledger, log: Path, since_ns: int) -> None:
+    for record in read_log(log).records(FRAMES):
+        if record.log_time_ns >= since_ns:
+            try:
+                frame = decode_frame(record.data)
+            except CodecError:
+                continue
+            first = frame.seq if frame.first_seq is None else frame.first_seq
+            ledger.take(frame.boot_id, first, frame.seq)

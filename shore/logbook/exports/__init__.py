@@ -1,1 +1,0 @@
-"""A log as other programs want it: tables, tracks on a map, sentences, pictures (`wayfix export`)."""

@@ -1,0 +1,21 @@
+"""The rules for the noise by name."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from shore.navigation.noise.adaptation import FixedNoise, NoiseRule
+from shore.navigation.noise.fuzzy import FUZZY, FUZZY_THESIS
+from shore.navigation.noise.matching import INNOVATION_MATCHING, RESIDUAL_MATCHING
+from shore.navigation.noise.process_noise import FUZZY_QR
+from shore.navigation.noise.scales import SCALE_BANK
+
+NOISE_RULES: Final[Mapping[str, NoiseRule]] = {
+    "fixed": FixedNoise(),
+    "fuzzy-thesis": FUZZY_THESIS,
+    "fuzzy": FUZZY,
+    "fuzzy-qr": FUZZY_QR,
+    "iae": INNOVATION_MATCHING,
+    "rae": RESIDUAL_MATCHING,
+    "imm": SCALE_BANK,
+}
+"""Name -> rule."""

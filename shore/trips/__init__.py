@@ -1,0 +1,1 @@
+"""`wayfix log`: the trips of a logbook, listed, verified, recovered and named."""
