@@ -5,7 +5,8 @@
     if reader.damage: print(reader.damage)
 
 A cut log gives everything up to its last whole chunk, a damaged one all chunks whose checksum holds (`mcap/scan.py`).
-A sound record that has not the form of its channel (`record_forms.py`) is left out, counted and named like a damaged one.
+A sound record that has not the form of its channel (`record_forms.py`) is left out, counted and named like a damaged
+one.
 """
 
 from collections.abc import Callable, Generator, Iterator
