@@ -5,6 +5,10 @@ from typing import Final
 
 from common.messages import Event
 
+BOARD: Final = "board"
+FILTERS: Final = "filters"
+STATION: Final = "station"
+
 
 @dataclass(frozen=True, slots=True)
 class EventKind:
@@ -13,6 +17,9 @@ class EventKind:
     level: str
     text: str
     cure: str
+    side: str = BOARD
+    """Who says it. A replay passes on what the `BOARD` said in its frames, makes what the `FILTERS` say once more, and
+    cannot make what the `STATION` said of its own link and log."""
 
 
 EVENTS: Final[dict[str, EventKind]] = {
@@ -79,8 +86,9 @@ EVENTS: Final[dict[str, EventKind]] = {
         "warning",
         "{count} frames from {seq} on are lost: the boat does not hold them any more",
         "give the board's [spool] more room, or a card that is faster",
+        side=STATION,
     ),
-    "gaps-filled": EventKind("info", "no frame is missing any more ({count} received)", "nothing to do"),
+    "gaps-filled": EventKind("info", "no frame is missing any more ({count} received)", "nothing to do", side=STATION),
     "command-done": EventKind("info", "{command}, asked by {client}", "nothing to do"),
     "mark": EventKind("info", "mark: {text} (by {client})", "nothing to do"),
     "command-refused": EventKind(
@@ -90,16 +98,23 @@ EVENTS: Final[dict[str, EventKind]] = {
         "warning",
         "no frame from the boat for {age_s} s",
         "check the radio link and the boat's power; the station goes on trying",
+        side=STATION,
     ),
-    "link-restored": EventKind("info", "frames arrive again after {age_s} s", "nothing to do"),
+    "link-restored": EventKind("info", "frames arrive again after {age_s} s", "nothing to do", side=STATION),
     "log-behind": EventKind(
         "warning",
         "the disk of the log has been busy for {age_s} s: a power cut now takes that much of the log",
         "use a faster disk; nothing of the run waits for it",
+        side=STATION,
     ),
-    "daemon-restarted": EventKind("warning", "the boat's daemon was restarted; the filters carry on", "nothing to do"),
+    "daemon-restarted": EventKind(
+        "warning", "the boat's daemon was restarted; the filters carry on", "nothing to do", side=FILTERS
+    ),
     "config-changed": EventKind(
-        "warning", "the boat came back with another configuration; the filters start anew", "nothing to do"
+        "warning",
+        "the boat came back with another configuration; the filters start anew",
+        "nothing to do",
+        side=STATION,
     ),
     "state-unusable": EventKind(
         "warning", "the start counter cannot be kept: {reason}", "give a writable --state directory"
@@ -129,62 +144,79 @@ EVENTS: Final[dict[str, EventKind]] = {
     "control-unusable": EventKind(
         "warning", "no control socket: {reason}", "give a --runtime directory that the daemon may write"
     ),
-    "board-rebooted": EventKind("warning", "the board was rebooted; the filters start anew", "nothing to do"),
+    "board-rebooted": EventKind(
+        "warning", "the board was rebooted; the filters start anew", "nothing to do", side=FILTERS
+    ),
     "origin-moved": EventKind(
         "warning",
         "{count} fixes in a row lie more than {limit_km} km from the origin; the filters start anew there",
         "check the receiver if the boat has not been carried away",
+        side=FILTERS,
     ),
-    "filter-started": EventKind("info", "filters start at {lat_deg}, {lon_deg}", "nothing to do"),
-    "filter-waiting": EventKind("info", "filters wait for: {missing}", "check these sensors"),
-    "filter-aligned": EventKind("info", "filters are aligned: estimates are valid from here on", "nothing to do"),
+    "filter-started": EventKind("info", "filters start at {lat_deg}, {lon_deg}", "nothing to do", side=FILTERS),
+    "filter-waiting": EventKind("info", "filters wait for: {missing}", "check these sensors", side=FILTERS),
+    "filter-aligned": EventKind(
+        "info", "filters are aligned: estimates are valid from here on", "nothing to do", side=FILTERS
+    ),
     "filter-reset": EventKind(
-        "error", "filter {filter} gave no finite number and was started again", "report this log"
+        "error",
+        "filter {filter} gave no finite number and was started again",
+        "report this log",
+        side=FILTERS,
     ),
     "fix-far": EventKind(
         "warning",
         "fix of {sensor} lies {distance_km} km from the mission's origin and is not used",
         "check the receiver",
+        side=FILTERS,
     ),
     "late-dropped": EventKind(
         "warning",
         "{count} measurements of {sensor} came more than {limit_s} s late and were not fused",
         "kept in the log: `wayfix replay LOG --order time` puts them in their place",
+        side=FILTERS,
     ),
     "ahead-dropped": EventKind(
         "warning",
         "{count} measurements of {sensor} are stamped more than {limit_s} s after their own frame and were not fused",
         "check the receiver's time; they are kept in the log",
+        side=FILTERS,
     ),
     "imu-implausible": EventKind(
         "warning",
         "{count} samples of {sensor} show what no such sensor can measure and were not used",
         "check its cable, its scale and the model in the board's file",
+        side=FILTERS,
     ),
     "variation-used": EventKind(
         "info",
         "magnetic variation here is {variation_deg} deg (WMM2025, east +, good to {doubt_deg} deg)",
         "nothing to do",
+        side=FILTERS,
     ),
     "variation-undated": EventKind(
         "warning",
         "the date is unknown: {variation_deg} deg of variation are those of {year}",
         "let the receiver send RMC or ZDA, or set boat.variation_deg in the board's file",
+        side=FILTERS,
     ),
     "variation-expired": EventKind(
         "warning",
         "the date, {year}, is outside the years of the magnetic model (WMM2025): the variation of {used_year} is used",
         "update Wayfix or set boat.variation_deg in the board's file; if the date is wrong, check the receiver",
+        side=FILTERS,
     ),
     "compass-weak": EventKind(
         "warning",
         "the earth's horizontal field is only {field_nt} nT here: compass and variation are to be used with caution",
         "near a magnetic pole use a satellite compass or a gyrocompass",
+        side=FILTERS,
     ),
     "compass-useless": EventKind(
         "warning",
         "the earth's horizontal field is only {field_nt} nT here: compass and variation are unreliable",
         "near a magnetic pole use a satellite compass or a gyrocompass",
+        side=FILTERS,
     ),
     "spool-damaged": EventKind(
         "warning",
@@ -231,6 +263,12 @@ def line_of(happening: Event) -> str:
     if kind is None or kind.cure == NOTHING_TO_DO:
         return happening.text
     return f"{happening.text}; {kind.cure}"
+
+
+def is_of_station(code: str) -> bool:
+    """Whether the station says this of itself: no frame brings it, so no replay makes it."""
+    kind = EVENTS.get(code)
+    return kind is not None and kind.side == STATION
 
 
 def event(code: str, t_ns: int, source: str, **evidence: str | float | bool | None) -> Event:

@@ -284,3 +284,13 @@ class Frame:
     raw: tuple[RawLine, ...] = ()
     health: tuple[SensorHealth, ...] = ()
     events: tuple[Event, ...] = ()
+
+    @property
+    def first(self) -> int:
+        """The first board frame that this one covers; `seq` is the last."""
+        return self.seq if self.first_seq is None else self.first_seq
+
+    @property
+    def seqs(self) -> range:
+        """All board frames that this one covers."""
+        return range(self.first, self.seq + 1)

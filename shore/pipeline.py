@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
+from common.boat_start import BoatStart
 from common.errors import WayfixError
 from common.events import event
 from common.messages import Event, Frame
@@ -55,25 +56,24 @@ class Pipeline:
             raise WayfixError(f"a step of {step_s:g} s is impossible", "--step", cure)
         self._new_run: Callable[[], _Run] = partial(_Run, config, tuple(filters), step_s)
         self._run = self._new_run()
-        self._clock: tuple[str, int] | None = None
-        """(clock_id, start_no) of the newest daemon start."""
+        self._newest: BoatStart | None = None
         self._seen: dict[str, SeqSet] = {}
         """By boot_id."""
 
     def push(self, frame: Frame) -> Output:
         """Take in one frame, in any order; known frames and frames of an older clock lead to nothing."""
-        clock_id, start_no = self._clock or (frame.clock_id, frame.start_no)
-        if frame.clock_id != clock_id:
-            if frame.start_no < start_no:
-                return Output()
+        start = BoatStart.of(frame)
+        newest = self._newest or start
+        if start.is_before(newest):
+            return Output()
+        if start.clock_id != newest.clock_id:
             self._run = self._new_run()
             self._seen.clear()
             self._run.tell("board-rebooted", frame.t0_ns, "filter")
         elif self._seen and frame.boot_id not in self._seen:
             self._run.tell("daemon-restarted", frame.t0_ns, "filter")
-        self._clock = frame.clock_id, max(frame.start_no, start_no)
-        first = frame.seq if frame.first_seq is None else frame.first_seq
-        is_new = self._seen.setdefault(frame.boot_id, SeqSet()).add(first, frame.seq)
+        self._newest = newest.followed_by(frame)
+        is_new = self._seen.setdefault(frame.boot_id, SeqSet()).add(frame.first, frame.seq)
         output = self._run.push(frame) if is_new else Output()
         if self._run.far_fixes >= FAR_FIXES:
             self._run = self._new_run()

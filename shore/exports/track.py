@@ -13,13 +13,13 @@ from heapq import heappop, heappush
 from itertools import chain
 from typing import Any, Final, NamedTuple
 
+from common.events import is_of_station
 from common.messages import Fix, Frame
 from common.units import NS_PER_S
 from shore.exports.clocks import Clock
 from shore.exports.survey import SHOWN_EACH, Survey
 from shore.logbook.read import LogReader
 from shore.logbook.schemas import ESTIMATES, FRAMES
-from shore.replay.comparison import STATION_EVENTS
 
 ORDERS: Final = ("recorded", "time")
 RAW: Final = "raw"
@@ -171,7 +171,7 @@ class Track:
     def _known_events(self) -> Iterator[tuple[Clock, dict[str, Any]]]:
         """Those of the log; of a new run of the filter only those that it cannot make."""
         for clock, event in self.survey.events:
-            if self.order == "recorded" or self.filter == RAW or event["code"] in STATION_EVENTS:
+            if self.order == "recorded" or self.filter == RAW or is_of_station(event["code"]):
                 yield clock, event
 
     def _found(self, waiting: "_Waiting") -> Iterator[_Found]:

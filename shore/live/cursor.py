@@ -102,5 +102,4 @@ def _add_newer(ledger: Ledger, log: Path, since_ns: int) -> None:
                 frame = decode_frame(record.data)
             except CodecError:
                 continue
-            first = frame.seq if frame.first_seq is None else frame.first_seq
-            ledger.take(frame.boot_id, first, frame.seq)
+            ledger.take(frame.boot_id, frame.first, frame.seq)

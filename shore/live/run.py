@@ -224,8 +224,7 @@ class LiveRun:
             self.tally.bad += 1
             log.warning("frame not understood: %s", error)
             return
-        first_seq = frame.seq if frame.first_seq is None else frame.first_seq
-        if not self._ledger.take(frame.boot_id, first_seq, frame.seq):
+        if not self._ledger.take(frame.boot_id, frame.first, frame.seq):
             self.tally.repeated += 1
             return
         self._link.is_urgent = self._link.is_urgent or self._ledger.has_hole

@@ -3,6 +3,7 @@
 from math import hypot
 from typing import Final, TypeVar
 
+from common.boat_start import BoatStart
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig, stale_after_s
 from common.units import NS_PER_S
@@ -24,8 +25,7 @@ class StatusLine:
     def __init__(self, config: BoatConfig, shown_filter: str) -> None:
         self._config = config
         self._filter = shown_filter
-        self._clock: tuple[str, int] | None = None
-        """(clock_id, start_no) of the newest daemon start."""
+        self._start: BoatStart | None = None
         self._forget()
 
     def _forget(self) -> None:
@@ -38,12 +38,13 @@ class StatusLine:
 
     def take(self, frame: Frame, output: Output) -> None:
         """One frame, in any order, and what the pipeline made of it."""
-        clock_id, start_no = self._clock or (frame.clock_id, frame.start_no)
-        if frame.clock_id != clock_id:
-            if frame.start_no < start_no:
-                return
+        start = BoatStart.of(frame)
+        newest = self._start or start
+        if start.is_before(newest):
+            return
+        if start.clock_id != newest.clock_id:
             self._forget()  # the board was rebooted: its time begins again
-        self._clock = frame.clock_id, max(frame.start_no, start_no)
+        self._start = newest.followed_by(frame)
         self.t_ns = max(self.t_ns, frame.t1_ns)
         self._fix = max((*frame.fixes, *_if_any(self._fix)), key=_time, default=None)
         self._heading = max((*frame.headings, *_if_any(self._heading)), key=_time, default=None)

@@ -1,13 +1,12 @@
 """Which frames are missing from a log: lost by the file, or never come over the link."""
 
-from bisect import bisect_right
-from itertools import pairwise
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
 
 import msgpack
 
 from common.messages import Fix, Frame
+from common.seqset import SeqSet
 
 _HEAD: Final = {
     "boat_id": str, "boot_id": str, "seq": int, "clock_id": str, "start_no": int, "t0_ns": int, "t1_ns": int,
@@ -31,8 +30,9 @@ class Census:
 
     def __init__(self) -> None:
         self.count = 0
-        self._runs: dict[str, list[tuple[int, int]]] = {}
-        """By start of the daemon: runs of `seq` without a gap, sorted."""
+        self._begins: dict[str, int] = {}
+        """By start of the daemon: the first frame there should be."""
+        self._seen: dict[str, SeqSet] = {}
         self._highest: dict[str, int] = {}
         self._is_after_loss: set[str] = set()
         self._holes: dict[str, list[tuple[int, int]]] = {}
@@ -40,14 +40,13 @@ class Census:
 
     def expect(self, boot_id: str, next_seq: int) -> None:
         """The board's greeting: its next frame."""
-        if boot_id not in self._runs:
-            self._runs[boot_id] = [(next_seq, next_seq - 1)]
+        if boot_id not in self._begins:
+            self._begins[boot_id] = next_seq
             self._highest[boot_id] = next_seq - 1
 
     def frame(self, frame: Frame) -> None:
         """A frame of the log; a merged one covers several numbers."""
-        first = frame.seq if frame.first_seq is None else frame.first_seq
-        boot_id, last = frame.boot_id, max(first, frame.seq)
+        boot_id, first, last = frame.boot_id, frame.first, max(frame.first, frame.seq)
         self.count += 1
         highest = self._highest.get(boot_id)
         if boot_id in self._is_after_loss:
@@ -55,37 +54,23 @@ class Census:
             if highest is not None and first > highest + 1:
                 self._holes.setdefault(boot_id, []).append((highest + 1, first - 1))
         self._highest[boot_id] = last if highest is None else max(highest, last)
-        self._add(self._runs.setdefault(boot_id, []), first, last)
+        self._begins[boot_id] = min(first, self._begins.get(boot_id, first))
+        self._seen.setdefault(boot_id, SeqSet()).add(first, last)
 
     def file_lost_something(self) -> None:
         """Between the frame before and the next one."""
-        self._is_after_loss |= set(self._runs)
+        self._is_after_loss |= set(self._begins)
 
     def missing(self, lost_by_file: int | None) -> Missing:
         """How many frames are missing, and why. lost_by_file: as the log itself says, where it does."""
         absent = doubtful = 0
-        for boot_id, runs in self._runs.items():
-            gaps = [(a[1] + 1, b[0] - 1) for a, b in pairwise(runs)]
+        for boot_id, seen in self._seen.items():
+            gaps = list(seen.gaps(self._begins[boot_id], self._highest[boot_id]))
             absent += sum(last - first + 1 for first, last in gaps)
             holes = self._holes.get(boot_id, ())
             doubtful += sum(max(0, min(a[1], b[1]) - max(a[0], b[0]) + 1) for a in gaps for b in holes)
         in_file = doubtful if lost_by_file is None else lost_by_file
         return Missing(in_file, absent - min(doubtful, in_file))
-
-    @staticmethod
-    def _add(runs: list[tuple[int, int]], first: int, last: int) -> None:
-        """Put a stretch into sorted runs; nearly always it goes on behind the last one."""
-        if runs and runs[-1][1] + 1 == first:
-            runs[-1] = runs[-1][0], last
-            return
-        place = bisect_right(runs, (first, last))
-        low = place - 1 if place and runs[place - 1][1] + 1 >= first else place
-        high = place
-        while high < len(runs) and runs[high][0] <= last + 1:
-            high += 1
-        touched = runs[low:high]
-        first, last = min([first, *(run[0] for run in touched)]), max([last, *(run[1] for run in touched)])
-        runs[low:high] = [(first, last)]
 
 
 def light_frame(data: bytes) -> Frame:

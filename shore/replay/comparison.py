@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
+from common.events import is_of_station
 from common.messages import Event, Frame
 from common.units import NS_PER_S
 from shore.logbook.estimates import digest_of, logged
@@ -18,10 +19,6 @@ from shore.logbook.schemas import ESTIMATES
 
 LONGEST: Final = 1000
 """What waits longer than for so many others is not in the log."""
-STATION_EVENTS: Final = frozenset(
-    {"frames-gone", "gaps-filled", "link-lost", "link-restored", "config-changed", "log-behind"}
-)
-"""What the live run says of its own link: no frame brings them, so no replay makes them."""
 
 
 @dataclass(slots=True)
@@ -152,7 +149,7 @@ class Comparison:
 
     def event(self, recorded: dict[str, Any]) -> None:
         """A recorded event, with the fields of `Event`."""
-        if not self._with_events or recorded["code"] in STATION_EVENTS:
+        if not self._with_events or is_of_station(recorded["code"]):
             return
         found = self._found(self._events, (f"{recorded['code']} of {recorded['source']}", recorded["t_ns"]))
         if found is None:

@@ -15,8 +15,10 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from common.boat_start import BoatStart
 from common.codec import decode_frame
 from common.errors import WayfixError
+from common.events import is_of_station
 from common.messages import Frame
 from common.sensors import BoatConfig
 from common.settings import convert
@@ -28,7 +30,7 @@ from shore.navigation.estimate import Estimate
 from shore.navigation.timeline import HORIZON_NS
 from shore.pipeline import Output, Pipeline
 from shore.replay.boat_order import FramesByTime
-from shore.replay.comparison import STATION_EVENTS, Comparison
+from shore.replay.comparison import Comparison
 from shore.replay.smooth import smooth_log
 
 ORDERS: Final = ("arrival", "time")
@@ -202,7 +204,7 @@ class Frames:
 def _is_newer(frame: Frame, newest: Frame) -> bool:
     if frame.clock_id == newest.clock_id:
         return frame.t1_ns > newest.t1_ns
-    return frame.start_no >= newest.start_no
+    return not BoatStart.of(frame).is_before(BoatStart.of(newest))
 
 
 class Replay:
@@ -297,7 +299,7 @@ class Replay:
         event = event_of(content)
         if self.comparison:
             self.comparison.event(event)
-        return self.order == "arrival" and event["code"] in STATION_EVENTS
+        return self.order == "arrival" and is_of_station(event["code"])
 
 
 def smoothed(path: Path, name: str, span: Span | None = None) -> Iterator[Estimate]:

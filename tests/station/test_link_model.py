@@ -219,7 +219,7 @@ def test_a_bounded_run_has_exactly_m_frames_in_order(steps: list[tuple[str, int]
     assert station.end is not None
     assert station.end["reason"] == "all frames sent"
     assert station.ks == list(range(1, 8))
-    firsts = [frame.seq if frame.first_seq is None else frame.first_seq for frame in station.frames]
+    firsts = [frame.first for frame in station.frames]
     assert firsts[0] == 0
     assert firsts[1:] == [frame.seq + 1 for frame in station.frames[:-1]]
 
