@@ -30,7 +30,7 @@ from common.session import MAX_WINDOW
 from shore.link.link import Link, LinkKeys
 from shore.live.run import LiveRun, Options, StopFlag, Tally
 from shore.logbook.read import read_log
-from shore.replay.run import logged_config
+from shore.replay.frames import logged_config
 from shore.report.score import score_of
 
 READY_S: Final = 20.0

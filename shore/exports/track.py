@@ -10,7 +10,6 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from heapq import heappop, heappush
-from itertools import chain
 from typing import Any, Final, NamedTuple
 
 from common.events import is_of_station
@@ -148,7 +147,7 @@ class Track:
         """Frames that can be decoded, in the order of the export, with their clock; at least all with this `kind`."""
         clocks = self.survey.clocks
         if self.order == "time":
-            from shore.replay.run import Frames
+            from shore.replay.frames import Frames
 
             yield from ((clocks.of_frame(item.frame), item.frame) for item in Frames(self.reader, "time"))
             return
@@ -189,12 +188,11 @@ class Track:
     def _again(self, waiting: "_Waiting") -> Iterator[_Found]:
         from shore.replay.run import Replay
 
-        for played in Replay(self.reader.path, [self.filter], order="time"):
-            frame = played.arrival.frame
-            clock = self.survey.clocks.of_frame(frame)
-            for event in chain(frame.events, played.output.events):
+        for step in Replay(self.reader.path, [self.filter], order="time"):
+            clock = self.survey.clocks.of_frame(step.frame)
+            for event in step.events:
                 waiting.add(clock, asdict(event))
-            yield from (_Found(clock, record) for record in played.records)
+            yield from (_Found(clock, record) for record in step.records)
 
     def _raw(self) -> Iterator[_Found]:
         """A receiver's latency lets a fix come after a newer one now and then: it stays out."""

@@ -13,9 +13,11 @@ from common.errors import CodecError
 from common.messages import Frame
 from common.sensors import BoatConfig
 from common.settings import convert
-from shore.logbook.record import LogWriter
+from shore.logbook.schemas import SESSION
 from shore.logbook.session import start_record
-from shore.pipeline import Pipeline
+from shore.pipeline import Output, Pipeline
+from shore.watchers.log import WholeLog
+from shore.watchers.watcher import Arrival, RunSeconds, Start, Step, Watcher, Watchers
 
 ENOUGH: Final = 6_000
 """So many frames or fixes with a date (ten minutes of frames) tell the UTC of a recording."""
@@ -57,68 +59,17 @@ def utc_offset_ns(frames: Iterable[Frame]) -> int | None:
     return median_low(found) if found else None
 
 
-class LogMaker:
-    """Feeds frames to the filters and writes what comes of them."""
+class ImportCounts(Watcher):
+    """Counts what becomes of the frames of an import."""
 
-    def __init__(self, greeting: dict[str, Any], filters: tuple[str, ...], offset_ns: int | None) -> None:
-        """offset_ns: UTC less boat time; without it, everything stands at its boat time after 1970."""
+    def __init__(self, filters: tuple[str, ...]) -> None:
         self.written = Written()
-        self._greeting = greeting
-        self._filters = filters
-        self._offset_ns = offset_ns
-        config = convert(greeting["config"], BoatConfig, "configuration of the boat", strict=False)
-        self._pipeline = Pipeline(config, filters) if filters else None
+        self._shown_filter = filters[0] if filters else None
         self._first_ns: int | None = None
 
-    def write(
-        self, out: Path, frames: Iterable[bytes], trip: dict[str, Any] | None, facts: Callable[[], dict[str, Any]]
-    ) -> bool:
-        """Write the log; False, and no file, when nothing was measured in any frame. Raises WayfixError.
-
-        facts: what to say of the import at its end, asked when all frames were taken.
-        """
-        writer: LogWriter | None = None
-        t_ns = 0
-        try:
-            for data in frames:
-                try:
-                    frame = decode_frame(data)
-                except CodecError:
-                    self.written.bad += 1
-                    continue
-                t_ns = self._log_time_ns(frame)
-                if writer is None:
-                    writer = self._begin(out, frame, trip)
-                self._take(writer, data, frame, t_ns)
-            if writer is None or not self.written.measurements.total():
-                if writer is not None:
-                    writer.abandon()
-                return False
-            counts = {"received": self.written.frames, "missing": 0, "bad": self.written.bad}
-            writer.write_session({"kind": "end", **counts, "reason": "imported", "import": facts()}, t_ns)
-            writer.close()
-        except BaseException:
-            if writer is not None:
-                writer.abandon()
-            raise
-        return True
-
-    def _begin(self, out: Path, frame: Frame, trip: dict[str, Any] | None) -> LogWriter:
-        begin_ns = self._log_time_ns(frame) - (frame.t1_ns - frame.t0_ns)
-        self.written.utc_ns = None if self._offset_ns is None else begin_ns
-        options = {"filters": list(self._filters), "step_s": None, "frames": None, "period_s": None}
-        writer = LogWriter.at(out)
-        try:
-            writer.write_session(start_record(self._greeting, options, max(0, begin_ns)), begin_ns)
-            if trip is not None:
-                writer.write_session(trip, begin_ns)
-        except BaseException:
-            writer.abandon()
-            raise
-        return writer
-
-    def _take(self, writer: LogWriter, data: bytes, frame: Frame, t_ns: int) -> None:
-        written = self.written
+    def take(self, step: Step) -> None:
+        """One frame, its measurements, estimates and events."""
+        written, frame = self.written, step.frame
         written.frames += 1
         self._first_ns = frame.t0_ns if self._first_ns is None else self._first_ns
         written.seconds = (frame.t1_ns - self._first_ns) / 1e9
@@ -128,18 +79,76 @@ class LogMaker:
         for block in frame.imu:
             written.measurements["imu_samples"] += len(block.offset_us)
         written.usable_fixes += sum(fix.usable for fix in frame.fixes)
-        writer.write_frame(data, frame, t_ns)
-        events = frame.events
-        if self._pipeline is not None:
-            output = self._pipeline.push(frame)
-            for estimate in output.estimates:
-                written.estimates[estimate.filter] += 1
-                written.aligned += estimate.filter == self._filters[0] and not estimate.waiting
-                writer.write_estimate(estimate.as_record(), t_ns)
-            events = (*events, *output.events)
-        for happening in events:
-            written.events[happening.level] += 1
-            writer.write_event(happening, t_ns)
+        for estimate in step.output.estimates:
+            written.estimates[estimate.filter] += 1
+            written.aligned += estimate.filter == self._shown_filter and not estimate.waiting
+        for event in step.events:
+            written.events[event.level] += 1
+
+
+class LogMaker:
+    """An import as a source of steps: the frames of a recording go to the filters and into a log."""
+
+    def __init__(self, greeting: dict[str, Any], filters: tuple[str, ...], offset_ns: int | None) -> None:
+        """offset_ns: UTC less boat time; without it, everything stands at its boat time after 1970."""
+        self._greeting = greeting
+        self._filters = filters
+        self._offset_ns = offset_ns
+        self._config = convert(greeting["config"], BoatConfig, "configuration of the boat", strict=False)
+        self._pipeline = Pipeline(self._config, filters) if filters else None
+        self._counts = ImportCounts(filters)
+
+    @property
+    def written(self) -> Written:
+        """What the log holds so far."""
+        return self._counts.written
+
+    def write(
+        self, out: Path, frames: Iterable[bytes], trip: dict[str, Any] | None, facts: Callable[[], dict[str, Any]]
+    ) -> bool:
+        """Write the log; False, and no file, when nothing was measured in any frame. Raises WayfixError.
+
+        facts: what to say of the import at its end, asked when all frames were taken.
+        """
+        with WholeLog(out) as log:
+            return self._run(Watchers(log, self._counts), frames, trip, facts)
+
+    def _run(
+        self,
+        watchers: Watcher,
+        frames: Iterable[bytes],
+        trip: dict[str, Any] | None,
+        facts: Callable[[], dict[str, Any]],
+    ) -> bool:
+        start: Start | None = None
+        seconds, t_ns = RunSeconds(), 0
+        for data in frames:
+            try:
+                frame = decode_frame(data)
+            except CodecError:
+                self.written.bad += 1
+                continue
+            t_ns = self._log_time_ns(frame)
+            if start is None:
+                start = self._begin(watchers, frame, trip)
+            arrival = Arrival(data, frame, start, t_ns, seconds.at(frame))
+            output = Output() if self._pipeline is None else self._pipeline.push(frame)
+            watchers.take(Step.of(arrival, output))
+        if not self.written.measurements.total():
+            return False
+        counts = {"received": self.written.frames, "missing": 0, "bad": self.written.bad}
+        watchers.end({**counts, "reason": "imported", "import": facts()}, t_ns)
+        return True
+
+    def _begin(self, watchers: Watcher, frame: Frame, trip: dict[str, Any] | None) -> Start:
+        begin_ns = self._log_time_ns(frame) - (frame.t1_ns - frame.t0_ns)
+        self.written.utc_ns = None if self._offset_ns is None else begin_ns
+        options = {"filters": list(self._filters), "step_s": None, "frames": None, "period_s": None}
+        start = Start(start_record(self._greeting, options, max(0, begin_ns)), self._config)
+        watchers.begin(start, begin_ns)
+        if trip is not None:
+            watchers.note(SESSION, trip, begin_ns)
+        return start
 
     def _log_time_ns(self, frame: Frame) -> int:
         """UTC of the frame's end, by one offset for all: a clock that was wrong for a while does not date the trip."""

@@ -1,4 +1,4 @@
-"""The live run: link -> log (raw frame first) -> pipeline -> log (estimates, events), one status line a second."""
+"""The live run, a source of steps: link -> pipeline -> watchers (log, events, status line)."""
 
 import logging
 import signal
@@ -12,7 +12,7 @@ from typing import Any, Final
 from common.clock import boottime_ns
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
-from common.events import event, line_of
+from common.events import event
 from common.messages import Event
 from common.sensors import BoatConfig
 from common.session import BoundedRun
@@ -22,11 +22,14 @@ from shore.link.choose_boat import Seeker
 from shore.link.ledger import Ledger
 from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
 from shore.live.cursor import Cursor
-from shore.live.status import StatusLine
-from shore.logbook.recorder import Recorder
+from shore.live.link_loss import LinkLoss
+from shore.live.log import LiveLog
+from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
-from shore.navigation.estimate import Estimate
-from shore.pipeline import Pipeline
+from shore.pipeline import Output, Pipeline
+from shore.watchers.say import SayEvents
+from shore.watchers.status import StatusLine
+from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step, Watchers
 
 log = logging.getLogger(__name__)
 
@@ -114,51 +117,30 @@ class LiveRun:
         self._seeker = seeker
         # What is made while the filters are built comes in its order.
         self._adopt(link.connect(options.connect_s, stopped, stream=options.frames is None))
-        is_kept = options.log_dir is not None and options.frames is None
-        self._cursor = Cursor(options.log_dir, self.config.boat.id, say) if is_kept and options.log_dir else None
-        self._ledger = self._cursor.ledger if self._cursor is not None else Ledger()
-        self._recorder = Recorder(options.log_dir, self.config.boat.id, say)
-        self._lost_since_ns: int | None = None
-        self._is_filling = False
+        boat_id, directory = self._start.config.boat.id, options.log_dir
+        cursor = Cursor(directory, boat_id, say) if directory is not None and options.frames is None else None
+        self._ledger = Ledger() if cursor is None else cursor.ledger
+        self._log = LiveLog(directory, boat_id, cursor, say)
+        self._status = StatusLine(options.filters[0], say)
+        self._watchers = Watchers(self._log, SayEvents(say), self._status)
+        self._loss = LinkLoss()
+        self._seconds = RunSeconds()
         self._is_disk_slow = False
         self._is_over = False
-        self._next = (str(self.connected["boot_id"]), int(self.connected["next_seq"]))
+        self._next = (str(self._connected["boot_id"]), int(self._connected["next_seq"]))
         """The next frame of a bounded run."""
         link.wants = self._wants
         self._greet()
 
-    def _adopt(self, connected: dict[str, Any]) -> None:
-        """Take the board's facts from its greeting; filters begin anew."""
-        self.connected = connected
-        self.config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
-        self._pipeline = Pipeline(self.config, self._options.filters, self._options.step_s)
-        self._status = StatusLine(self.config, self._options.filters[0])
-
-    def _greet(self) -> None:
-        """Learn from the greeting which frames there are."""
-        runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self.connected["runs"]]
-        self._ledger.greet(str(self.connected["boot_id"]), int(self.connected["next_seq"]), runs)
-
-    def _wants(self) -> Wants:
-        """What the link's next lease asks for."""
-        if self._options.frames is None:
-            return Wants(missing=self._ledger.missing())
-        return Wants(run=BoundedRun(self._options.frames, self.tally.received, *self._next, self._options.period_s))
-
-    @property
-    def _missing_count(self) -> int:
-        """Frames still to come but for new ones; a bounded run has them in order, without a hole."""
-        return 0 if self._options.frames is not None else self._ledger.missing_count
-
     @property
     def log_path(self) -> Path | None:
         """The log file, when one is written."""
-        return self._recorder.path
+        return self._log.path
 
     @property
     def log_fault(self) -> WayfixError | None:
         """Why the log ended before the run, if it did."""
-        return self._recorder.fault
+        return self._log.fault
 
     def run(self) -> Tally:
         """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
@@ -178,20 +160,44 @@ class LiveRun:
             self.tally.missing = self._missing_count + self._ledger.gone_count
             if self._options.frames is not None:
                 self.tally.missing = self._options.frames - self.tally.received
-            end = {"kind": "end", **self._summary()}
-            self._recorder.write(lambda writer: writer.write_session(end, time.time_ns()))
-            self._keep(wait=True)
-            self._recorder.close()
-            if self._cursor is not None:
-                self._cursor.close()
+            self._watchers.end(self._end_record(), time.time_ns())
         return self.tally
 
+    def _adopt(self, connected: dict[str, Any]) -> None:
+        """Take the board's facts from its greeting; the filters start again."""
+        self._connected = connected
+        config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
+        options = self._options
+        self._pipeline = Pipeline(config, options.filters, options.step_s)
+        asked = {
+            "filters": list(options.filters),
+            "step_s": options.step_s,
+            "frames": options.frames,
+            "period_s": options.period_s,
+        }
+        self._start = Start(start_record(connected, asked, time.time_ns()), config)
+
+    def _greet(self) -> None:
+        """Learn from the greeting which frames there are."""
+        runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self._connected["runs"]]
+        self._ledger.greet(str(self._connected["boot_id"]), int(self._connected["next_seq"]), runs)
+
+    def _wants(self) -> Wants:
+        """What the link's next lease asks for."""
+        if self._options.frames is None:
+            return Wants(missing=self._ledger.missing())
+        return Wants(run=BoundedRun(self._options.frames, self.tally.received, *self._next, self._options.period_s))
+
+    @property
+    def _missing_count(self) -> int:
+        """Frames still to come but for new ones; a bounded run has them in order, without a hole."""
+        return 0 if self._options.frames is not None else self._ledger.missing_count
+
     def _begin(self) -> None:
-        self._write_session()
-        self._keep()
+        self._watchers.begin(self._start, self._start.record["utc_ns"])
         if (trip := self._options.trip) is not None:
-            self._recorder.write(lambda writer: writer.write_session(trip, time.time_ns()))
-        for sensor in self.connected.get("sensors", []):
+            self._watchers.note(SESSION, trip, time.time_ns())
+        for sensor in self._connected.get("sensors", []):
             reason = f": {sensor['reason']}" if sensor.get("reason") else ""
             self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
         if waiting := self._ledger.missing_count:
@@ -209,12 +215,12 @@ class LiveRun:
         if received.frame is not None:
             self._take(received.frame)
         elif received.connected is not None:
-            self._greeted_anew(received.connected)
+            self._greeted_again(received.connected)
         elif received.end is not None:
             self._ended(received.end)
         for item in received.gone or ():
             if count := self._ledger.is_gone(item):
-                self._happened(event("frames-gone", self._status.t_ns, "link", count=count, seq=item.first))
+                self._happened(event("frames-gone", self._t_ns, "link", count=count, seq=item.first))
 
     def _take(self, data: bytes) -> None:
         now_ns = time.time_ns()
@@ -230,105 +236,78 @@ class LiveRun:
         self._link.is_urgent = self._link.is_urgent or self._ledger.has_hole
         self.tally.received += 1
         self._next = frame.boot_id, frame.seq + 1
-        self._recorder.write(lambda writer: writer.write_frame(data, frame, now_ns))
-        if self._lost_since_ns is not None:
-            age_s = round((boottime_ns() - self._lost_since_ns) / NS_PER_S, 1)
-            self._lost_since_ns = None
-            self._happened(event("link-restored", frame.t1_ns, "link", age_s=age_s), now_ns)
-        output = self._pipeline.push(frame)
-        for estimate in output.estimates:
-            self._write_estimate(estimate, now_ns)
-        for happening in (*frame.events, *output.events):
-            self._happened(happening, now_ns)
-        self._status.take(frame, output)
+        if self._loss.is_lost:
+            self._happened(self._loss.frame(boottime_ns(), frame.t1_ns), now_ns)
+        arrival = Arrival(data, frame, self._start, now_ns, self._seconds.at(frame))
+        try:
+            output = self._pipeline.push(frame)
+        except BaseException:
+            self._watchers.take(Step.of(arrival, Output()))  # the log holds the frame that the filters broke on
+            raise
+        self._watchers.take(Step.of(arrival, output))
 
-    def _greeted_anew(self, connected: dict[str, Any]) -> None:
-        """The daemon was started again."""
-        if connected["config"] == self.connected["config"]:
-            self.connected = connected
+    def _greeted_again(self, connected: dict[str, Any]) -> None:
+        """The daemon was restarted."""
+        if connected["config"] == self._connected["config"]:
+            self._connected = connected
         else:
             self._adopt(connected)
-            self._write_session()
-            self._happened(event("config-changed", self._status.t_ns, "link"))
+            self._watchers.begin(self._start, self._start.record["utc_ns"])
+            self._happened(event("config-changed", self._t_ns, "link"))
         self._greet()
 
-    def _happened(self, happening: Event, now_ns: int | None = None) -> None:
-        at_ns = time.time_ns() if now_ns is None else now_ns
-        self._recorder.write(lambda writer: writer.write_event(happening, at_ns))
-        if happening.level != "debug":
-            self._say(f"{happening.level}: {line_of(happening)}")
+    @property
+    def _t_ns(self) -> int:
+        """Boat time of the newest frame of this session; 0 before the first."""
+        return 0 if self._status.newest is None else self._status.newest.t_ns
+
+    def _happened(self, happening: Event | None, now_ns: int | None = None) -> None:
+        if happening is not None:
+            self._watchers.happened(happening, time.time_ns() if now_ns is None else now_ns)
 
     def _each_second(self) -> None:
-        self._keep()
-        self._tell_slow_disk()
-        silent_s = self._link.silent_s()
+        is_slow = self._log.behind_s > SLOW_DISK_S
+        if is_slow and not self._is_disk_slow:  # once, until the disk has caught up
+            self._happened(event("log-behind", self._t_ns, "log", age_s=round(self._log.behind_s, 1)))
+        self._is_disk_slow = is_slow
+        silent_s, now_ns = self._link.silent_s(), boottime_ns()
         if silent_s is None:
-            self._tell_filled()
-            self._say(self._counted())
-            return
-        if self._lost_since_ns is None:
-            self._lost_since_ns = boottime_ns() - int(silent_s * NS_PER_S)
-            self._is_filling = True
-            self._happened(event("link-lost", self._status.t_ns, "link", age_s=round(silent_s, 1)))
-        lost_s = (boottime_ns() - self._lost_since_ns) / NS_PER_S
-        refusal = f" ({self._link.refusal})" if self._link.refusal else ""
-        self._say(f"LINK LOST for {lost_s:.0f} s{refusal}, trying again | before: {self._counted()}")
+            self._happened(self._loss.heard(self._ledger.missing_count, self.tally.received, self._t_ns))
+        else:
+            self._happened(self._loss.silent(silent_s, now_ns, self._t_ns))
+        self._watchers.each_second(self._state(None if silent_s is None else self._loss.lost_s(now_ns)))
+        if silent_s is not None:
+            self._follow()
+
+    def _follow(self) -> None:
+        """A lost boat may have another address by now."""
         address = None if self._seeker is None else self._seeker.ask()
         if address is not None and endpoint(address) != self._link.endpoint:
             self._say(f"the boat is at {address} now")
             self._link.move_to(address)
 
-    def _tell_slow_disk(self) -> None:
-        """Once, until the disk has caught up: a power cut now takes more of the log than a second."""
-        is_slow = self._recorder.behind_s > SLOW_DISK_S
-        if is_slow and not self._is_disk_slow:
-            self._happened(event("log-behind", self._status.t_ns, "log", age_s=round(self._recorder.behind_s, 1)))
-        self._is_disk_slow = is_slow
-
-    def _tell_filled(self) -> None:
-        """Once after a loss of the link: nothing is missing any more."""
-        if self._is_filling and self._lost_since_ns is None and self._ledger.missing_count == 0:
-            self._is_filling = False
-            self._happened(event("gaps-filled", self._status.t_ns, "link", count=self.tally.received))
-
-    def _keep(self, *, wait: bool = False) -> None:
-        """The log to the disk, then the cursor that says so. One that cannot be written costs frames sent twice."""
-        if self._cursor is None or self._recorder.path is None:
-            self._recorder.sync(lambda: None, wait=wait)
-        else:
-            self._recorder.sync(self._cursor.saver(self._recorder.path, self._recorder.log_time_ns), wait=wait)
-
-    def _counted(self) -> str:
-        counts = self._status.text(self.tally.received, self._missing_count, self._ledger.gone_count)
-        if self.log_fault is not None:
-            counts = f"NO LOG | {counts}"
+    def _state(self, lost_s: float | None) -> SourceState:
         offset = self._link.offset.at(boottime_ns())
-        return counts if offset is None else f"{counts} | round trip {2 * offset.bound_ns / NS_PER_MS:.0f} ms"
+        return SourceState(
+            received=self.tally.received,
+            missing=self._missing_count,
+            gone=self._ledger.gone_count,
+            lost_s=lost_s,
+            refusal=None if lost_s is None else self._link.refusal,
+            round_trip_ms=None if offset is None else 2 * offset.bound_ns / NS_PER_MS,
+            has_log=self.log_fault is None,
+        )
 
     def _ended(self, end: dict[str, Any]) -> None:
         self.tally.sent = int(end.get("sent") or 0)
         self.tally.end_reason = str(end.get("reason"))
         self._ledger.exists(str(end.get("boot_id")), int(end.get("next_seq") or 0))
-        self._recorder.write(lambda writer: writer.write_link({"kind": "end", **end}, time.time_ns()))
+        self._watchers.note(LINK, {"kind": "end", **end}, time.time_ns())
         self._is_over = self._options.until_end or self._options.frames is not None
         if not self._is_over:
             self._say(f"{self.tally.end_reason}; waiting for it to come back")
 
-    def _write_estimate(self, estimate: Estimate, now_ns: int) -> None:
-        self._recorder.write(lambda writer: writer.write_estimate(estimate.as_record(), now_ns))
-
-    def _write_session(self) -> None:
-        asked = {
-            "filters": list(self._options.filters),
-            "step_s": self._options.step_s,
-            "frames": self._options.frames,
-            "period_s": self._options.period_s,
-        }
-        now_ns = time.time_ns()
-        record = start_record(self.connected, asked, now_ns)
-        self._recorder.write(lambda writer: writer.write_session(record, now_ns))
-
-    def _summary(self) -> dict[str, Any]:
+    def _end_record(self) -> dict[str, Any]:
         tally = self.tally
         offset = self._link.offset.at(boottime_ns())
         return {

@@ -2,26 +2,24 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import asdict
-from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from common.command import number
 from common.errors import WayfixError
-from shore.logbook.estimates import logged
 from shore.terminal import add_filter_arguments, add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
 
 if TYPE_CHECKING:
     from shore.replay.comparison import Counts
-    from shore.replay.run import Played, Replay, Span
-    from shore.report.score import Score
+    from shore.replay.frames import Span
+    from shore.replay.run import Replay
+    from shore.report.score import Consistency, Score
+    from shore.watchers.watcher import Watcher
 
 LONGEST_S = 1e9
-SHOWN_EACH = 50
-"""Frames between two movements of the progress bar."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +63,7 @@ def add_span(parser: argparse.ArgumentParser) -> None:
 
 def span_of(arguments: argparse.Namespace) -> "Span":
     """The span asked for; raises WayfixError for one that ends before it begins."""
-    from shore.replay.run import Span
+    from shore.replay.frames import Span
 
     if None not in (arguments.from_s, arguments.to_s) and arguments.to_s <= arguments.from_s:
         raise WayfixError("--to lies before --from", cure="give --from S --to T with S < T")
@@ -88,52 +86,66 @@ def run(arguments: argparse.Namespace) -> int:
             raise WayfixError("--record and --smooth name one file", str(arguments.record), "give two names")
     replay = Replay(arguments.log, filters, arguments.step, arguments.order, span_of(arguments))
     with every_end_is_ctrl_c():
-        watchers = Watchers(arguments, replay)
-        is_whole = watchers.play()
+        looked = Looked(arguments, replay)
+        is_whole = looked.play()
         if not replay.frames:
             if not is_whole:
                 return 0
             raise WayfixError(*_empty(arguments, replay))
         summary = _told(arguments, replay, is_whole)
         if arguments.smooth and is_whole:
-            summary["smoothed"] = watchers.smooth(arguments.smooth)
-    summary["filters"] = watchers.consistency.summary()
+            summary["smoothed"] = looked.smooth(arguments.smooth)
+    summary["filters"] = looked.consistency.summary()
     if filters or arguments.reference:
         tell(consistency_table(summary["filters"]))
-    if watchers.score is not None:
-        watchers.score.check(arguments.reference)
-        scores = watchers.score.summary()
+    if looked.score is not None:
+        looked.score.check(arguments.reference)
+        scores = looked.score.summary()
         summary.update(scores)
         tell(score_table(scores))
     finish(arguments, summary)
     return 0
 
 
-class Watchers:
-    """Everything that looks at each frame of a replay."""
+class Looked:
+    """What a replay is for: everything that looks at its steps."""
 
     def __init__(self, arguments: argparse.Namespace, replay: "Replay") -> None:
-        from shore.report.score import Consistency
+        from shore.watchers.score import ConsistencyWatcher, ScoreWatcher
 
         self._arguments = arguments
         self._replay = replay
-        self.consistency = Consistency()
-        self.score: Score | None = None
+        self._consistency = ConsistencyWatcher()
+        self._score = ScoreWatcher(arguments.reference) if arguments.reference else None
+
+    @property
+    def consistency(self) -> "Consistency":
+        """Of every filter."""
+        return self._consistency.consistency
+
+    @property
+    def score(self) -> "Score | None":
+        """Against the reference, when one was given and a frame came."""
+        return None if self._score is None else self._score.score
 
     def play(self) -> bool:
         """The whole replay; False after Ctrl-C, which leaves no half file."""
-        from shore.replay.outputs import NewLog, Show
+        from shore.replay.run import Pace
+        from shore.watchers.log import WholeLog
+        from shore.watchers.watcher import Watchers
 
         arguments, replay = self._arguments, self._replay
-        show = Show(replay.filters[0], arguments.speed, say) if arguments.speed else None
+        watchers: list[Watcher] = [self._consistency, *([self._score] if self._score else [])]
+        pace = Pace(arguments.speed) if arguments.speed else None
         try:
-            if arguments.record is None:
-                self._watch(show.take if show else None)
-                return True
-            with NewLog(arguments.record, replay) as log:
-                self._watch(show.take if show else None, log.take)
-                if replay.frames:
-                    log.finish()
+            with ExitStack() as stack:
+                if pace is not None:
+                    watchers += _shown(replay.filters[0])
+                elif (progress := stack.enter_context(_progress("replaying"))) is not None:
+                    watchers.append(progress)
+                if arguments.record is not None:
+                    watchers.append(stack.enter_context(WholeLog(arguments.record)))
+                replay.run(Watchers(*watchers), pace)
         except KeyboardInterrupt:
             say(f"stopped after {replay.frames} frames")
             return False
@@ -157,28 +169,13 @@ class Watchers:
                 self.score.take_estimate(estimate.as_record())
             yield estimate
 
-    def _watch(self, *others: "Callable[[Played], None] | None") -> None:
-        takers = [taker for taker in others if taker]
-        with _progress("replaying", is_wanted=not self._arguments.speed) as shown:
-            for played in self._replay:
-                self._take(played)
-                for take in takers:
-                    take(played)
-                if self._replay.frames % SHOWN_EACH == 0:
-                    shown(played.arrival.t_s)
 
-    def _take(self, played: "Played") -> None:
-        if self._arguments.reference:
-            if self.score is None:
-                from shore.report.score import Score, read_reference
+def _shown(name: str) -> "list[Watcher]":
+    """What a live run says: events as they come, a status line each second."""
+    from shore.watchers.say import SayEvents
+    from shore.watchers.status import StatusLine
 
-                reference = read_reference(self._arguments.reference, played.arrival.frame.t0_ns)
-                self.score = Score(reference, played.arrival.start.config)
-            self.score.take_frame(played.arrival.frame)
-        for record in played.records:
-            self.consistency.take(record)
-            if self.score is not None:
-                self.score.take_estimate(logged(record))  # as a log's own estimates are scored, to the last digit
+    return [SayEvents(say), StatusLine(name, say)]
 
 
 def _empty(arguments: argparse.Namespace, replay: "Replay") -> tuple[str, str, str]:
@@ -260,16 +257,10 @@ def _tell_versions(replay: "Replay") -> None:
         tell(f"the log was made with {', '.join(others)}")
 
 
-@contextmanager
-def _progress(what: str, *, is_wanted: bool = True) -> Iterator[Callable[[float], None]]:
-    """A line on a terminal's stderr: seconds of the log so far."""
-    if not (is_wanted and sys.stderr and sys.stderr.isatty()):
-        yield lambda _t_s: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+def _progress(what: str) -> "AbstractContextManager[Watcher | None]":
+    """A line on a terminal's stderr; `None` where nobody looks."""
+    if not (sys.stderr and sys.stderr.isatty()):
+        return nullcontext()
+    from shore.watchers.progress import Progress
 
-    columns = (SpinnerColumn(), TextColumn(what), TextColumn("{task.fields[at]}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        job = bar.add_task(what, total=None, at="")
-        yield lambda t_s: bar.update(job, at=f"{timedelta(seconds=int(t_s))} of the trip")
+    return Progress(what)

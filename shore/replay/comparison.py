@@ -11,11 +11,11 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from common.events import is_of_station
-from common.messages import Event, Frame
 from common.units import NS_PER_S
 from shore.logbook.estimates import digest_of, logged
 from shore.logbook.read import LogRecord
 from shore.logbook.schemas import ESTIMATES
+from shore.watchers.watcher import Step
 
 LONGEST: Final = 1000
 """What waits longer than for so many others is not in the log."""
@@ -119,14 +119,14 @@ class Comparison:
         """`None` when they are not compared."""
         return self._events.counts if self._with_events else None
 
-    def take(self, frame: Frame, t_s: float, records: Sequence[dict[str, Any]], events: Sequence[Event]) -> None:
-        """What one frame led to: `Estimate.as_record()` of each filter; events of the frame and of the pipeline."""
-        self._newest = frame.t1_ns, t_s
-        for record in records:
+    def take(self, step: Step) -> None:
+        """What one frame led to: the estimates of each filter; events of the frame and of the pipeline."""
+        self._newest = step.frame.t1_ns, step.t_s
+        for record in step.records:
             if record["filter"] in self._filters:
                 self._estimates.make((record["filter"], record["t_ns"]), record)
         if self._with_events:
-            for event in events:
+            for event in step.events:
                 self._events.make((f"{event.code} of {event.source}", event.t_ns), event)
 
     def estimate(self, record: LogRecord) -> None:

@@ -23,9 +23,9 @@ from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filters import FilterState, facts_of
 from shore.navigation.imu import ImuTrack, blocks_of, driving_sensor
 from shore.navigation.measurements import Reader
+from shore.navigation.own_ship import FAR_FIXES
 from shore.navigation.smoother import build_recorder
 from shore.navigation.timeline import HORIZON_NS, Timeline
-from shore.pipeline import FAR_FIXES
 
 SUFFIX: Final = "-smoothed"
 """Behind the filter's name in the estimates."""

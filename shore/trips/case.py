@@ -25,7 +25,8 @@ from common.units import NS_PER_S
 from common.whole_file import part_of
 
 if TYPE_CHECKING:
-    from shore.replay.run import Played, Span
+    from shore.replay.frames import Span
+    from shore.watchers.watcher import Step
 
 LOG, EXPECTED, EVENTS, CASE = "log.mcap", "expected.csv", "events.csv", "case.toml"
 EVERY_S: Final = 5.0
@@ -165,11 +166,10 @@ def replayed(case: Case) -> dict[str, str]:
     rows: list[Row] = []
     told: list[Row] = []
     sampler = Sampler(case.every_s)
-    for played in Replay(case.directory / LOG, case.filters, order=case.order):
-        rows += sampler.rows(played)
-        arrival = played.arrival
-        for event in played.output.events:
-            t_s = arrival.t_s + (event.t_ns - arrival.frame.t1_ns) / NS_PER_S
+    for step in Replay(case.directory / LOG, case.filters, order=case.order):
+        rows += sampler.rows(step)
+        for event in step.output.events:
+            t_s = step.t_s + (event.t_ns - step.frame.t1_ns) / NS_PER_S
             told.append({"t_s": f"{t_s:.3f}", "source": event.source, "code": event.code})
     return {EXPECTED: _csv(("t_s", "filter", "aligned", *COLUMNS), rows), EVENTS: _csv(EVENT_COLUMNS, told)}
 
@@ -181,11 +181,10 @@ class Sampler:
         self._every_s = every_s
         self._next_s: dict[str, float] = {}
 
-    def rows(self, played: "Played") -> Iterator[Row]:
+    def rows(self, step: "Step") -> Iterator[Row]:
         """Those of one frame."""
-        arrival = played.arrival
-        for record in played.records:
-            name, t_s = record["filter"], arrival.t_s + (record["t_ns"] - arrival.frame.t1_ns) / NS_PER_S
+        for record in step.records:
+            name, t_s = record["filter"], step.t_s + (record["t_ns"] - step.frame.t1_ns) / NS_PER_S
             if t_s < self._next_s.get(name, 0.0) - 1e-6:
                 continue
             self._next_s[name] = (t_s // self._every_s + 1.0) * self._every_s
@@ -224,7 +223,8 @@ def _cut(log: Path, target: Path, filters: tuple[str, ...], span: "Span | None")
     """Frames of the span and their sessions, nothing else; the filters to replay."""
     from shore.logbook.read import read_log
     from shore.logbook.record import LogWriter
-    from shore.replay.run import Frames, Start
+    from shore.replay.frames import Frames
+    from shore.watchers.watcher import Start
 
     frames = Frames(read_log(log), "arrival", span)
     asked: dict[str, Any] = {**frames.start.options}

@@ -20,7 +20,7 @@ from common.sensors import BoatConfig
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
 from shore.logbook.record import LogWriter
-from shore.replay.run import Span
+from shore.replay.frames import Span
 from shore.trips.case import EVERY_S, LOG, Case, write_case
 from tests.offline import config_of, frames_of
 

@@ -67,8 +67,8 @@ class Done:
     def __init__(self, path: Path, order: str = "arrival", filters: Sequence[str] | None = None) -> None:
         self.run = Replay(path, filters, order=order)
         played = list(self.run)
-        self.frames = [each.arrival.frame for each in played]
-        self.configs = [each.arrival.start.config for each in played]
+        self.frames = [each.frame for each in played]
+        self.configs = [each.start.config for each in played]
         self.estimates = [record for each in played for record in each.records]
 
     def counts(self) -> Counts:

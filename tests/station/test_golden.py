@@ -134,7 +134,7 @@ def test_any_log_becomes_a_case_cut_to_its_span(tmp_path: Path, capsys: pytest.C
     frames = [decode_frame(data) for data in read_log(target / LOG).frames()]
     replay = Replay(target / LOG)
     assert replay.filters == ("kf",)
-    assert [played.arrival.frame for played in replay] == frames
+    assert [step.frame for step in replay] == frames
     assert frames[0].t1_ns / 1e9 == pytest.approx(1020.0)
     assert frames[-1].t1_ns / 1e9 == pytest.approx(1060.0)
     assert 0 < sizes[LOG] < source.stat().st_size

@@ -11,7 +11,8 @@ import pytest
 from common.messages import Frame
 from shore.logbook.read import read_log
 from shore.main import main
-from shore.replay.run import Frames, Replay, Span
+from shore.replay.frames import Frames, Span
+from shore.replay.run import Replay
 from tests.navigate.voyages import BOAT
 from tests.station.logs import OTHER, Done, all_equal, log_of, starts, with_backfill
 
@@ -121,5 +122,5 @@ def test_frames_do_not_stay_in_memory(log: Path) -> None:
         return sum(type(each) is Frame for each in gc.get_objects())
 
     before = alive()
-    counts = [alive() - before for played in Replay(log) if played.arrival.frame.seq % 100 == 99]
+    counts = [alive() - before for step in Replay(log) if step.frame.seq % 100 == 99]
     assert max(counts) < 5

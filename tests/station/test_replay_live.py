@@ -184,7 +184,7 @@ def ratios(seed: int) -> tuple[float, float]:
 
 
 def errors(voyage: Voyage, path: Path, order: str) -> offline.Errors:
-    estimates: list[Estimate] = [each for played in Replay(path, order=order) for each in played.output.estimates]
+    estimates: list[Estimate] = [each for step in Replay(path, order=order) for each in step.output.estimates]
     return offline._errors(voyage, [each for each in estimates if each.aligned])
 
 

@@ -15,8 +15,10 @@ from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.main import main
 from shore.pipeline import Pipeline
-from shore.replay.outputs import Show
-from shore.replay.run import Replay
+from shore.replay.run import Pace, Replay
+from shore.watchers.say import SayEvents
+from shore.watchers.status import StatusLine
+from shore.watchers.watcher import Watchers
 from tests.station.logs import OTHER, UTC_NS, Done, all_equal, log_of, session, starts, with_backfill
 
 
@@ -116,9 +118,9 @@ class Clock:
 def test_at_a_speed_it_waits_for_the_boats_time_and_says_a_line_a_second(tmp_path: Path, voyage: list[Frame]) -> None:
     said: list[str] = []
     clock = Clock()
-    show = Show("ukf", 4.0, said.append, lambda: clock.now_s, clock.sleep)
-    for played in Replay(log_of(tmp_path, [*voyage[:100], *voyage[120:], *voyage[100:110]])):
-        show.take(played)
+    replay = Replay(log_of(tmp_path, [*voyage[:100], *voyage[120:], *voyage[100:110]]))
+    watchers = Watchers(SayEvents(said.append), StatusLine("ukf", said.append))
+    replay.run(watchers, Pace(4.0, lambda: clock.now_s, clock.sleep))
     assert clock.now_s - 100.0 == pytest.approx((len(voyage) - 1) * 0.1 / 4.0, abs=1e-6)
     assert max(clock.slept) <= 0.2
     lines = [line for line in said if line.startswith("ukf 5")]

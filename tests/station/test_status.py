@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from common.messages import Fix, Frame, Heading
 from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
-from shore.live.status import StatusLine, position_text
 from shore.pipeline import Output, Pipeline
+from shore.watchers.newest import Newest
+from shore.watchers.status import position_text, status_text
+from shore.watchers.watcher import SourceState
 from tests.navigate.voyages import UNCALIBRATED, frames_of, sail
 
 CONFIG = BoatConfig(
@@ -32,23 +34,23 @@ def short_voyage() -> list[Frame]:
 
 
 def test_every_number_has_its_age_and_a_stale_one_says_so() -> None:
-    line = StatusLine(CONFIG, "fuzzy")
-    assert line.text(0, 0) == "fuzzy waits | no fix yet | no heading yet | 0 frames, 0 missing"
+    line = Newest(CONFIG, "fuzzy")
+    assert status_text(line, SourceState(0, 0)) == "fuzzy waits | no fix yet | no heading yet | 0 frames, 0 missing"
     fix = Fix(sensor="gps1", t_ns=NS_PER_S, lat_deg=1.0, lon_deg=2.0, fix_quality=1)
     reading = Heading(sensor="compass1", t_ns=NS_PER_S, heading_mag_deg=7.0)
     line.take(frame(1.5, fixes=(fix,), headings=(reading,)), Output())
-    assert "gps1 GPS (0.5 s) | compass1 007.0°M (0.5 s)" in line.text(1, 0)
+    assert "gps1 GPS (0.5 s) | compass1 007.0°M (0.5 s)" in status_text(line, SourceState(1, 0))
     line.take(frame(7.0), Output())
-    assert "gps1 GPS STALE (6 s) | compass1 007.0°M STALE (6 s)" in line.text(2, 0)
+    assert "gps1 GPS STALE (6 s) | compass1 007.0°M STALE (6 s)" in status_text(line, SourceState(2, 0))
 
 
 def test_what_the_filter_waits_for_is_said_until_nothing_is_missing(short_voyage: list[Frame]) -> None:
     """The compass is silent for the first two seconds; then the biases are not known yet."""
-    pipeline, line, said = Pipeline(UNCALIBRATED, ("ukf",)), StatusLine(UNCALIBRATED, "ukf"), []
+    pipeline, line, said = Pipeline(UNCALIBRATED, ("ukf",)), Newest(UNCALIBRATED, "ukf"), []
     for each in short_voyage[:400]:
         quiet = replace(each, headings=each.headings if each.seq >= 20 else ())
         line.take(quiet, pipeline.push(quiet))
-        text = line.text(each.seq + 1, 0).split(" | ")[0]
+        text = status_text(line, SourceState(each.seq + 1, 0)).split(" | ")[0]
         if "waiting for: " in text:
             said.append(text[text.index("waiting for: ") :])
         else:
@@ -58,25 +60,25 @@ def test_what_the_filter_waits_for_is_said_until_nothing_is_missing(short_voyage
 
 
 def test_backfill_changes_nothing_and_a_reboot_begins_anew() -> None:
-    line = StatusLine(CONFIG, "fuzzy")
+    line = Newest(CONFIG, "fuzzy")
     fixes = {
         t_s: Fix(sensor="gps1", t_ns=t_s * NS_PER_S, lat_deg=1.0, lon_deg=2.0, fix_quality=1 + (t_s == 1))
         for t_s in (1, 50)
     }
     line.take(frame(50.5, fixes=(fixes[50],)), Output())
-    newest = line.text(0, 0)
+    newest = status_text(line, SourceState(0, 0))
     line.take(frame(1.5, fixes=(fixes[1],)), Output())
-    assert line.text(0, 0) == newest
+    assert status_text(line, SourceState(0, 0)) == newest
     line.take(replace(frame(1.5, fixes=(fixes[1],)), clock_id="before", start_no=-1), Output())
-    assert line.text(0, 0) == newest
+    assert status_text(line, SourceState(0, 0)) == newest
     line.take(replace(frame(1.5, fixes=(fixes[1],)), clock_id="after", start_no=1), Output())
-    assert "gps1 DGPS (0.5 s)" in line.text(0, 0)
+    assert "gps1 DGPS (0.5 s)" in status_text(line, SourceState(0, 0))
 
 
 def test_a_fix_that_is_not_fused_says_so() -> None:
-    line = StatusLine(CONFIG, "fuzzy")
+    line = Newest(CONFIG, "fuzzy")
     line.take(frame(1.0, fixes=(Fix(sensor="gps1", t_ns=NS_PER_S, fix_quality=0),)), Output())
-    assert "gps1 not usable" in line.text(1, 0)
+    assert "gps1 not usable" in status_text(line, SourceState(1, 0))
 
 
 def test_positions_read_as_on_a_chart() -> None:

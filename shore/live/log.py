@@ -1,0 +1,60 @@
+"""The log of a live run: on the disk each second, with a checkpoint (the cursor) that says which frames it holds."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from common.errors import WayfixError
+from shore.live.cursor import Cursor
+from shore.logbook.recorder import Recorder
+from shore.watchers.log import LogWatcher
+from shore.watchers.watcher import SourceState, Start
+
+
+class LiveLog(LogWatcher):
+    """A disk that fills up or is slow harms the log, never the run. Without a directory nothing is kept."""
+
+    def __init__(self, directory: Path | None, boat_id: str, cursor: Cursor | None, say: Callable[[str], None]) -> None:
+        """Raises WayfixError when the directory cannot be written."""
+        self._recorder = Recorder(directory, boat_id, say)
+        self._cursor = cursor
+        super().__init__(self._recorder.write)
+
+    @property
+    def path(self) -> Path | None:
+        """The file, when one is written."""
+        return self._recorder.path
+
+    @property
+    def fault(self) -> WayfixError | None:
+        """Why the log ended before the run, if it did."""
+        return self._recorder.fault
+
+    @property
+    def behind_s(self) -> float:
+        """How long the disk has been busy with what it was given last; 0.0 when it is done."""
+        return self._recorder.behind_s
+
+    def begin(self, start: Start, t_ns: int) -> None:
+        """The session record, and the first checkpoint."""
+        super().begin(start, t_ns)
+        self._checkpoint()
+
+    def each_second(self, now: SourceState) -> None:
+        """All that was written goes to the disk, beside the run."""
+        self._checkpoint()
+
+    def end(self, tally: dict[str, Any], t_ns: int) -> None:
+        """The `end` record; waits for the disk and closes."""
+        super().end(tally, t_ns)
+        self._checkpoint(wait=True)
+        self._recorder.close()
+        if self._cursor is not None:
+            self._cursor.close()
+
+    def _checkpoint(self, *, wait: bool = False) -> None:
+        """The log to the disk, then the cursor. A cursor that cannot be written costs frames that are sent twice."""
+        if self._cursor is None or self._recorder.path is None:
+            self._recorder.sync(lambda: None, wait=wait)
+        else:
+            self._recorder.sync(self._cursor.saver(self._recorder.path, self._recorder.log_time_ns), wait=wait)

@@ -1,0 +1,131 @@
+"""State estimation of our own ship: frames of one clock of the board in, the estimates of each filter out.
+
+frame -> Reader (corrected measurements) -> Timeline or Synchronous (order) -> Bank (filters) -> estimates, events
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from common.messages import Event, Frame
+from common.sensors import BoatConfig
+from common.units import NS_PER_S
+from shore.navigation.alignment import Alignment, before_start
+from shore.navigation.bank import Bank, Batch, Moment
+from shore.navigation.estimate import Estimate, estimate_of
+from shore.navigation.filters import build_filter, facts_of
+from shore.navigation.imu import ImuTrack, blocks_of, driving_sensor
+from shore.navigation.measurements import FARTHEST_M, Reader
+from shore.navigation.notices import Notices
+from shore.navigation.synchronous import Synchronous
+from shore.navigation.timeline import AHEAD_S, HORIZON_S, Timeline
+
+WAITING_AFTER_NS: Final = 5 * NS_PER_S
+FAR_FIXES: Final = 10
+"""So many fixes in a row beyond the plane's reach: it was the origin that was wrong (or the boat was carried away)."""
+
+
+class Estimated(NamedTuple):
+    """What one frame led to."""
+
+    estimates: tuple[Estimate, ...]
+    events: tuple[Event, ...]
+    waiting: tuple[str, ...] | None
+    """What the first filter lacks before its estimates are valid, empty = nothing; `None` = not the newest frame."""
+
+
+class OwnShip:
+    """The filters over one clock of the board, whose times are comparable, and one local plane."""
+
+    def __init__(self, config: BoatConfig, names: Sequence[str], step_s: float | None) -> None:
+        """`step_s`: fuse synchronously every so many seconds, as in the thesis. Raises WayfixError: unknown filter."""
+        facts = facts_of(config)
+        self.notices = Notices()
+        self._driver = driving_sensor(config)
+        imu = self._imu = ImuTrack(self._driver) if self._driver else None
+        self._names = tuple(names)
+        self._alignments = {name: Alignment() for name in names}
+        filters = [build_filter(name, facts) for name in names]
+        self._bank = Bank(filters, facts, has_compass=bool(config.with_role("compass")))
+        self._feeder: Timeline | Synchronous = (
+            Timeline(self._bank, imu) if step_s is None else Synchronous(self._bank, imu, step_s)
+        )
+        self._reader = Reader(config, self.notices.add)
+        self._first_ns: int | None = None
+        self._newest_ns = 0
+
+    @property
+    def is_out_of_reach(self) -> bool:
+        """The plane's origin is wrong: so many fixes in a row lie too far away."""
+        return self._reader.far_in_a_row >= FAR_FIXES
+
+    def moved(self, t_ns: int) -> None:
+        """Say that this run begins because the one before was out of reach."""
+        self.notices.say("origin-moved", t_ns, count=FAR_FIXES, limit_km=round(FARTHEST_M / 1000.0))
+
+    def push(self, frame: Frame) -> Estimated:
+        """Take in one new frame."""
+        if self._first_ns is None:
+            self._first_ns, self._newest_ns = frame.t0_ns, frame.t1_ns
+        self._newest_ns = max(self._newest_ns, frame.t1_ns)
+        moments = self._feeder.push(self._batch(frame))
+        self._notice_resets()
+        estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
+        waiting = self._waiting(moments[-1], estimates) if moments else None
+        self._notice_start(moments, estimates, waiting, self._first_ns)
+        self._notice_unused()
+        return Estimated(tuple(estimates), self.notices.take(), waiting)
+
+    def _batch(self, frame: Frame) -> Batch:
+        """The frame's measurements, converted; those of no use are left out."""
+        blocks = blocks_of(frame, self._driver) if self._driver else ()
+        return Batch(frame.t1_ns, frame.boot_id, self._reader.read(frame), blocks)
+
+    def _estimates(self, moment: Moment, frame: Frame) -> list[Estimate]:
+        plane = self._reader.plane
+        if plane is None:
+            return []
+        estimates = []
+        for name, state in zip(self._names, moment.states, strict=True):
+            if state is not None:
+                waiting = self._alignments[name].waiting(state)
+                estimates.append(estimate_of(state, frame, plane, name=name, t_ns=moment.t_ns, waiting=waiting))
+        return [estimate for estimate in estimates if estimate is not None]
+
+    def _waiting(self, moment: Moment, estimates: Sequence[Estimate]) -> tuple[str, ...]:
+        """What the first filter lacks."""
+        newest = [item for item in estimates if item.filter == self._names[0]]
+        if newest:
+            return newest[-1].waiting
+        return before_start(moment.position, moment.heading, self._bank.has_compass) or ("restart",)
+
+    def _notice_resets(self) -> None:
+        for name, t_ns in self._bank.resets:
+            if self.notices.once(("filter-reset", name, t_ns)):
+                self._alignments[name].begin_again()
+                self.notices.say("filter-reset", t_ns, filter=name)
+        self._bank.resets.clear()
+
+    def _notice_start(
+        self,
+        moments: Sequence[Moment],
+        estimates: Sequence[Estimate],
+        waiting: tuple[str, ...] | None,
+        first_ns: int,
+    ) -> None:
+        """The stages of a start, each once: started, or waiting for more than 5 s; aligned."""
+        if estimates and self.notices.once("filter-started"):
+            lat_deg, lon_deg = round(estimates[0].lat_deg, 6), round(estimates[0].lon_deg, 6)
+            self.notices.say("filter-started", estimates[0].t_ns, lat_deg=lat_deg, lon_deg=lon_deg)
+            self.notices.once("filter-waiting")  # a filter that runs waits for nothing any more
+        late = next((moment for moment in moments if moment.t_ns - first_ns >= WAITING_AFTER_NS), None)
+        if late is not None and self.notices.once("filter-waiting"):
+            missing = before_start(late.position, late.heading, self._bank.has_compass)
+            self.notices.say("filter-waiting", late.t_ns, missing=", ".join(missing))
+        if waiting == () and self.notices.once("filter-aligned"):
+            self.notices.say("filter-aligned", self._newest_ns)
+
+    def _notice_unused(self) -> None:
+        self.notices.summed("late-dropped", self._feeder.late, self._newest_ns, limit_s=HORIZON_S)
+        self.notices.summed("ahead-dropped", self._feeder.ahead, self._newest_ns, limit_s=AHEAD_S)
+        if self._imu and self._driver and self._imu.left_out:
+            self.notices.summed("imu-implausible", {self._driver.id: self._imu.left_out}, self._newest_ns)

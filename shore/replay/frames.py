@@ -1,0 +1,142 @@
+"""The frames of a log, in order of arrival or of boat time, with the session each belongs to.
+
+One pass: memory does not grow with the log, but for 40 bytes a frame in order of time.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from common.boat_start import BoatStart
+from common.codec import decode_frame
+from common.errors import WayfixError
+from common.messages import Frame
+from common.sensors import BoatConfig
+from common.settings import convert
+from common.units import NS_PER_S
+from shore.logbook.read import LogReader, LogRecord
+from shore.logbook.schemas import FRAMES, SESSION
+from shore.navigation.timeline import HORIZON_NS
+from shore.replay.boat_order import FramesByTime
+from shore.watchers.watcher import Arrival, RunSeconds, Start
+
+ORDERS: Final = ("arrival", "time")
+"""As live, every frame when it came; by boat time, so that late backfill is in its place."""
+
+
+class Span(NamedTuple):
+    """A part of a log, in seconds of boat time since its first frame; a reboot of the board does not stop them."""
+
+    from_s: float | None = None
+    to_s: float | None = None
+
+
+def session_start(reader: LogReader, path: Path) -> Start:
+    """The record a live run begins with; raises WayfixError for a log without one."""
+    for record in reader.session():
+        if record.get("kind") == "start":
+            return _start(record, path)
+    damage = f": {reader.damage}" if reader.damage else ""
+    what = f"has no session record, so its sensors are unknown{damage}"
+    raise WayfixError(what, str(path), "give a log of `wayfix connect`")
+
+
+def _start(record: dict[str, Any], path: Path) -> Start:
+    config = (record.get("connected") or {}).get("config")
+    if config is None:
+        what = "has no configuration of the board in its session record"
+        raise WayfixError(what, str(path), "give a log of `wayfix connect` or `wayfix import`")
+    return Start(record, convert(config, BoatConfig, f"configuration in {path}", strict=False))
+
+
+def logged_config(reader: LogReader, path: Path) -> BoatConfig:
+    """The board's configuration at the start of the log; raises WayfixError for a log without one."""
+    return session_start(reader, path).config
+
+
+class Frames:
+    """The frames of one log in either order, counted; records beside them go to `beside`."""
+
+    def __init__(self, reader: LogReader, order: str = "arrival", span: Span | None = None) -> None:
+        """Raises WayfixError for a log without configuration."""
+        self.start = session_start(reader, reader.path)
+        self.bad = 0
+        """Frames that could not be decoded."""
+        self.late = 0
+        """Frames that came later than the timeline rewinds; fused in order of time only."""
+        self._reader = reader
+        self._order = order
+        self._span = span or Span()
+
+    def __iter__(self) -> Iterator[Arrival]:
+        return (item for item in self.read() if isinstance(item, Arrival))
+
+    def read(self, *topics: str) -> Iterator[Arrival | LogRecord]:
+        """Frames within the span, and records of `topics` between them (in order of time before all frames)."""
+        items = self._in_file_order(topics) if self._order == "arrival" else self._in_order_of_time(topics)
+        seconds, (from_s, to_s) = RunSeconds(), self._span
+        has_begun = from_s is None
+        for item in items:
+            if isinstance(item, LogRecord):
+                if has_begun or item.topic == SESSION:
+                    yield item
+                continue
+            t_s = seconds.at(item.frame)
+            if to_s is not None and t_s > to_s:
+                return
+            if from_s is None or t_s >= from_s:
+                has_begun = True
+                yield item._replace(t_s=t_s)
+
+    def _in_file_order(self, topics: Iterable[str]) -> Iterator[Arrival | LogRecord]:
+        start, is_first = self.start, True
+        newest: Frame | None = None
+        for record in self._reader.records(SESSION, FRAMES, *topics):
+            if record.topic != FRAMES:
+                if record.topic == SESSION:
+                    session = self._reader.content(record)
+                    if session is None:
+                        continue
+                    if session["kind"] == "start":
+                        start = start if is_first else _start(session, self._reader.path)
+                        is_first = False
+                yield record
+                continue
+            frame = self._reader.frame(record)
+            if frame is None:
+                self.bad += 1
+                continue
+            if newest is None or _is_newer(frame, newest):
+                newest = frame
+            self.late += frame.clock_id != newest.clock_id or frame.t1_ns < newest.t1_ns - HORIZON_NS
+            yield Arrival(record.data, frame, start, record.log_time_ns, 0.0)
+
+    def _in_order_of_time(self, topics: Iterable[str]) -> Iterator[Arrival | LogRecord]:
+        """A start of the daemon has one configuration: the one under which its first frame came."""
+        sessions: dict[str, int] = {}
+        starts: list[Start] = []
+        with closing(FramesByTime()) as sorter:
+            first_ns: int | None = None
+            for item in self._in_file_order(topics):
+                if isinstance(item, LogRecord):
+                    yield item
+                    continue
+                first_ns = item.log_time_ns if first_ns is None else first_ns
+                if item.frame.boot_id not in sessions:
+                    sessions[item.frame.boot_id] = len(starts)
+                    same = (start for start in starts if start.config == item.start.config)
+                    starts.append(next(same, item.start))
+                sorter.add(item.data, item.frame, sessions[item.frame.boot_id])
+            seconds = RunSeconds()
+            for data, group in sorter:
+                frame = decode_frame(data)
+                # As if it had come at once: its own time of arrival would not grow along the log.
+                log_time_ns = (first_ns or 0) + round(seconds.at(frame) * NS_PER_S)
+                yield Arrival(data, frame, starts[group], log_time_ns, 0.0)
+
+
+def _is_newer(frame: Frame, newest: Frame) -> bool:
+    if frame.clock_id == newest.clock_id:
+        return frame.t1_ns > newest.t1_ns
+    return not BoatStart.of(frame).is_before(BoatStart.of(newest))

@@ -1,0 +1,87 @@
+"""The newest of everything a person or a screen asks for, each with its source, quality, age and staleness."""
+
+from typing import Final, NamedTuple, TypeVar
+
+from common.boat_start import BoatStart
+from common.messages import Fix, Frame, Heading
+from common.sensors import BoatConfig, stale_after_s
+from common.units import NS_PER_S
+from shore.navigation.estimate import Estimate
+from shore.pipeline import Output
+
+_QUALITY: Final = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
+"""GGA quality of fixes that are fused."""
+STALE_ESTIMATE_S: Final = 2.0
+
+_Item = TypeVar("_Item")
+
+
+class Age(NamedTuple):
+    """How old a value is, on the boat's clock."""
+
+    s: float
+    is_stale: bool
+    """Older than its sensor's rate allows."""
+
+
+class Newest:
+    """Takes frames in any order: one from before a reboot of the board, or a backfilled one, replaces nothing newer."""
+
+    def __init__(self, config: BoatConfig, shown_filter: str) -> None:
+        self._config = config
+        self.filter = shown_filter
+        self._start: BoatStart | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self.t_ns = 0
+        """Boat time of the newest frame."""
+        self.fix: Fix | None = None
+        self.heading: Heading | None = None
+        self.estimate: Estimate | None = None
+        self.waiting: tuple[str, ...] = ()
+        """What the shown filter lacks before its estimates are valid."""
+
+    def take(self, frame: Frame, output: Output) -> None:
+        """One frame and what the pipeline made of it."""
+        start = BoatStart.of(frame)
+        newest = self._start or start
+        if start.is_before(newest):
+            return
+        if start.clock_id != newest.clock_id:
+            self._forget()  # the board was rebooted: its time begins again
+        self._start = newest.followed_by(frame)
+        self.t_ns = max(self.t_ns, frame.t1_ns)
+        self.fix = max((*frame.fixes, *_if_any(self.fix)), key=_time, default=None)
+        self.heading = max((*frame.headings, *_if_any(self.heading)), key=_time, default=None)
+        self.estimate = next((item for item in output.estimates if item.filter == self.filter), self.estimate)
+        self.waiting = self.waiting if output.waiting is None else output.waiting
+
+    def age(self, item: Fix | Heading) -> Age:
+        """Of a fix or heading; a sensor that is not configured has no rate, so its values are never stale."""
+        age_s = self._age_s(item.t_ns)
+        table = next((each for each in self._config.sensor if each.id == item.sensor), None)
+        return Age(age_s, table is not None and age_s > stale_after_s(table.role, table.rate_hz))
+
+    def age_of_estimate(self, estimate: Estimate) -> Age:
+        """Of an estimate, which each frame should bring."""
+        age_s = self._age_s(estimate.t_ns)
+        return Age(age_s, age_s > STALE_ESTIMATE_S)
+
+    def _age_s(self, t_ns: int) -> float:
+        return (self.t_ns - t_ns) / NS_PER_S
+
+
+def quality_of(fix: Fix) -> str:
+    """How good a fix is, in a word or two; why it is not fused."""
+    if fix.usable:
+        return "fix" if fix.fix_quality is None else _QUALITY.get(fix.fix_quality, "fix")
+    return "position repeated, not used" if fix.held else "not usable"
+
+
+def _if_any(item: _Item | None) -> tuple[_Item, ...]:
+    return () if item is None else (item,)
+
+
+def _time(item: Fix | Heading) -> int:
+    return item.t_ns

@@ -1,0 +1,27 @@
+"""Events for the person at the terminal: a line each, with the cure where there is something to do."""
+
+from collections.abc import Callable
+
+from common.events import line_of
+from common.messages import Event
+from shore.watchers.watcher import Step, Watcher
+
+
+class SayEvents(Watcher):
+    """Says what happened on board, in the filters and to the link; `debug` events are for the log only."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+
+    def take(self, step: Step) -> None:
+        """Events of the frame and of the pipeline."""
+        for event in step.events:
+            self._say_event(event)
+
+    def happened(self, event: Event, t_ns: int) -> None:
+        """An event of the source."""
+        self._say_event(event)
+
+    def _say_event(self, event: Event) -> None:
+        if event.level != "debug":
+            self._say(f"{event.level}: {line_of(event)}")

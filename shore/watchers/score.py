@@ -1,0 +1,36 @@
+"""Scores as watchers: errors against a reference track, and how well each filter's own doubt fits (NIS)."""
+
+from pathlib import Path
+
+from shore.logbook.estimates import logged
+from shore.report.score import Consistency, Score, read_reference
+from shore.watchers.watcher import Step, Watcher
+
+
+class ScoreWatcher(Watcher):
+    """Raw sensors and every filter against a reference track."""
+
+    def __init__(self, reference: Path) -> None:
+        self.score: Score | None = None
+        """`None` before the first step, which says when the reference begins."""
+        self._reference = reference
+
+    def take(self, step: Step) -> None:
+        """Raises WayfixError at the first step: the reference cannot be read."""
+        if self.score is None:
+            self.score = Score(read_reference(self._reference, step.frame.t0_ns), step.start.config)
+        self.score.take_frame(step.frame)
+        for record in step.records:
+            self.score.take_estimate(logged(record))  # as a log's own estimates are scored, to the last digit
+
+
+class ConsistencyWatcher(Watcher):
+    """The doubt of every filter beside its innovations."""
+
+    def __init__(self) -> None:
+        self.consistency = Consistency()
+
+    def take(self, step: Step) -> None:
+        """Every estimate of the step."""
+        for record in step.records:
+            self.consistency.take(record)

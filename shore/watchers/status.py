@@ -1,0 +1,95 @@
+"""The one status line a second: every number with its age, source and quality; a stale one says so."""
+
+from collections.abc import Callable
+from math import hypot
+
+from shore.watchers.newest import Age, Newest, quality_of
+from shore.watchers.watcher import SourceState, Start, Step, Watcher
+
+
+class StatusLine(Watcher):
+    """Remembers the newest of everything, and says a line of it each second."""
+
+    def __init__(self, shown_filter: str, say: Callable[[str], None]) -> None:
+        self._filter = shown_filter
+        self._say = say
+        self.newest: Newest | None = None
+        """`None` before the session began."""
+
+    def begin(self, start: Start, t_ns: int) -> None:
+        """With another configuration all is forgotten."""
+        self.newest = Newest(start.config, self._filter)
+
+    def take(self, step: Step) -> None:
+        """One frame, in any order."""
+        if self.newest is not None:
+            self.newest.take(step.frame, step.output)
+
+    def each_second(self, now: SourceState) -> None:
+        """Say the line."""
+        if self.newest is not None:
+            self._say(status_text(self.newest, now))
+
+
+def status_text(newest: Newest, now: SourceState) -> str:
+    """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age)."""
+    gone = f", {now.gone} lost" if now.gone else ""
+    counts = f"{now.received} frames, {now.missing} missing{gone}"
+    text = f"{_estimate_text(newest)} | {_fix_text(newest)} | {_heading_text(newest)} | {counts}"
+    if not now.has_log:
+        text = f"NO LOG | {text}"
+    if now.round_trip_ms is not None:
+        text = f"{text} | round trip {now.round_trip_ms:.0f} ms"
+    if now.lost_s is None:
+        return text
+    refusal = f" ({now.refusal})" if now.refusal else ""
+    return f"LINK LOST for {now.lost_s:.0f} s{refusal}, trying again | before: {text}"
+
+
+def _estimate_text(newest: Newest) -> str:
+    estimate = newest.estimate
+    waiting = f" waiting for: {', '.join(newest.waiting)}" if newest.waiting else ""
+    if estimate is None:
+        return f"{newest.filter}{waiting or ' waits'}"
+    sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
+    heading = f"{_tenths(estimate.heading_true_deg)}°T ±{estimate.sigma_heading_deg:.1f}°"
+    place = position_text(estimate.lat_deg, estimate.lon_deg)
+    age = newest.age_of_estimate(estimate)
+    stale = f" {_age_text(age)}" if age.is_stale else ""
+    return f"{newest.filter} {place} ±{sigma_m:.1f} m  {heading}  {estimate.sog_kn:.1f} kn{stale}{waiting}"
+
+
+def _fix_text(newest: Newest) -> str:
+    fix = newest.fix
+    return "no fix yet" if fix is None else f"{fix.sensor} {quality_of(fix)} {_age_text(newest.age(fix))}"
+
+
+def _heading_text(newest: Newest) -> str:
+    heading = newest.heading
+    if heading is None:
+        return "no heading yet"
+    value, letter = heading.heading_true_deg, "T"
+    if value is None:
+        value, letter = heading.heading_mag_deg, "M"
+    text = "no value" if value is None else f"{_tenths(value)}°{letter}"
+    return f"{heading.sensor} {text} {_age_text(newest.age(heading))}"
+
+
+def _age_text(age: Age) -> str:
+    return f"STALE ({age.s:.0f} s)" if age.is_stale else f"({age.s:.1f} s)"
+
+
+def position_text(lat_deg: float, lon_deg: float) -> str:
+    """50°45.612'N 001°17.402'W: degrees and minutes, as on a chart."""
+    return f"{_angle_text(abs(lat_deg), 2)}{'NS'[lat_deg < 0]} {_angle_text(abs(lon_deg), 3)}{'EW'[lon_deg < 0]}"
+
+
+def _tenths(heading_deg: float) -> str:
+    """Three digits and a tenth; 359.96 is 000.0 and never 360.0."""
+    return f"{round(heading_deg, 1) % 360.0:05.1f}"
+
+
+def _angle_text(angle_deg: float, digits: int) -> str:
+    # Rounded as thousandths of a minute first, so that 59.9996' becomes the next degree and never 60.000'.
+    degrees, thousandths = divmod(round(angle_deg * 60_000), 60_000)
+    return f"{degrees:0{digits}d}°{thousandths / 1000:06.3f}'"

@@ -1,0 +1,159 @@
+"""The observer interface between a source of frames and all that looks at them.
+
+    source (live run, replay, import) -> pipeline -> Step -> watchers (log, status line, score, ...)
+
+A source is a loop: it takes frames where they come from, pushes each through the pipeline, and hands the step to its
+watchers, which know nothing of each other or of the source. They are called in one thread, in their order.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
+
+from common.messages import Event, Frame
+from common.sensors import BoatConfig
+from common.units import NS_PER_S
+from shore.pipeline import Output
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What frames come under: a session record of kind `start`, and once more after a new configuration."""
+
+    record: dict[str, Any]
+    config: BoatConfig
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What the run was asked for."""
+        return dict(self.record.get("options") or {})
+
+
+class RunSeconds:
+    """Seconds of boat time since the first frame; where the board's clock begins again they go on."""
+
+    def __init__(self) -> None:
+        self._begins: dict[str, tuple[int, float]] = {}
+        """clock_id -> boat time of its first frame, seconds of the run then."""
+        self.newest_s = 0.0
+
+    def at(self, frame: Frame) -> float:
+        """At the frame's end; negative for one from before the first."""
+        first_ns, begin_s = self._begins.setdefault(frame.clock_id, (frame.t0_ns, self.newest_s))
+        t_s = begin_s + (frame.t1_ns - first_ns) / NS_PER_S
+        self.newest_s = max(self.newest_s, t_s)
+        return t_s
+
+
+class Arrival(NamedTuple):
+    """A frame that came."""
+
+    data: bytes
+    """The frame as it was sent, to the byte."""
+    frame: Frame
+    start: Start
+    """The session that it belongs to."""
+    log_time_ns: int
+    """When it came: the station's UTC."""
+    t_s: float = 0.0
+    """Seconds of the run at the frame's end."""
+
+
+class Step(NamedTuple):
+    """One frame and what it led to: the fields of `Arrival`, and the pipeline's output."""
+
+    data: bytes
+    frame: Frame
+    start: Start
+    log_time_ns: int
+    t_s: float
+    output: Output
+    records: tuple[dict[str, Any], ...]
+    """`Estimate.as_record()` of each filter."""
+
+    @classmethod
+    def of(cls, arrival: Arrival, output: Output) -> Self:
+        """The step that a frame and the pipeline's output make."""
+        return cls(*arrival, output, tuple(estimate.as_record() for estimate in output.estimates))
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What the board and the pipeline say with this frame."""
+        return *self.frame.events, *self.output.events
+
+
+@dataclass(frozen=True, slots=True)
+class SourceState:
+    """How the source itself is doing, once a second."""
+
+    received: int
+    """Frames so far."""
+    missing: int
+    """Frames that are still to come."""
+    gone: int = 0
+    """Frames that the boat does not hold any more."""
+    lost_s: float | None = None
+    """How long the link has been lost; `None` = it is not."""
+    refusal: str | None = None
+    """Why nobody lets the station in, while the link is lost."""
+    round_trip_ms: float | None = None
+    has_log: bool = True
+    """False once the log ended before the run."""
+
+
+class Watcher:
+    """What looks at a run. A watcher derives from this and overrides what it cares for; the rest does nothing."""
+
+    def begin(self, start: Start, t_ns: int) -> None:
+        """A session begins: before its first step, and once more with another configuration. t_ns: station's UTC."""
+
+    def take(self, step: Step) -> None:
+        """One frame and what it led to, in order of arrival."""
+
+    def happened(self, event: Event, t_ns: int) -> None:
+        """The source says something of itself (the link was lost). t_ns: station's UTC."""
+
+    def note(self, topic: str, record: dict[str, Any], t_ns: int) -> None:
+        """Something beside the frames that a log keeps: the trip's words, the link's end. topic: of the log."""
+
+    def each_second(self, now: SourceState) -> None:
+        """Once a second of a live run or of a replay at a speed, whether frames come or not."""
+
+    def end(self, tally: dict[str, Any], t_ns: int) -> None:
+        """The run is over. tally: counts and reason, as the log's `end` record holds them."""
+
+
+class Watchers(Watcher):
+    """Several watchers as one, in their order."""
+
+    def __init__(self, *watchers: Watcher) -> None:
+        self._watchers = watchers
+
+    def begin(self, start: Start, t_ns: int) -> None:
+        """To each."""
+        for watcher in self._watchers:
+            watcher.begin(start, t_ns)
+
+    def take(self, step: Step) -> None:
+        """To each."""
+        for watcher in self._watchers:
+            watcher.take(step)
+
+    def happened(self, event: Event, t_ns: int) -> None:
+        """To each."""
+        for watcher in self._watchers:
+            watcher.happened(event, t_ns)
+
+    def note(self, topic: str, record: dict[str, Any], t_ns: int) -> None:
+        """To each."""
+        for watcher in self._watchers:
+            watcher.note(topic, record, t_ns)
+
+    def each_second(self, now: SourceState) -> None:
+        """To each."""
+        for watcher in self._watchers:
+            watcher.each_second(now)
+
+    def end(self, tally: dict[str, Any], t_ns: int) -> None:
+        """To each."""
+        for watcher in self._watchers:
+            watcher.end(tally, t_ns)
