@@ -5,7 +5,6 @@ electronics, can switch the checksum off (or put a serial number in its place): 
 """
 
 import re
-from typing import Final
 
 from common.clock import whole_us
 from common.framer import Measurement
@@ -22,9 +21,6 @@ from onboard.devices.sentence import Sentence, address, check_sentence, sentence
 _OWN = re.compile(rb"\$(PTNT[A-Z]{3}),")
 """Honeywell's own sentences have no talker."""
 _ANGLE = re.compile(rb",(?:%s)(?=[,*]|$)" % "|".join(sentences.ANGLE_NAMES).encode(), re.IGNORECASE)
-_RANK: Final = {"PTNTHPR": 5, "HDG": 4, "HDM": 3, "HCC": 2, "HDT": 1}
-"""Which heading is used where a device sends the same one in several sentences: the one that brings most with it, then
-the magnetic ones (deviation and variation are added ashore, in one place); HDT where it is the only one."""
 
 
 class CompassDriver:
@@ -104,7 +100,7 @@ class CompassDriver:
         if reading.heading_mag_deg is None and reading.heading_true_deg is None:
             # An HMR3000 without variation sends HDT for ever empty beside the sentence that is used: no fault.
             return () if self._headings.covers(source, t_ns) else None
-        if not self._headings.admits(source, _RANK[source[2:]], t_ns):
+        if not self._headings.admits(source, sentences.RANK[source[2:]], t_ns):
             return ()
         heading = Heading(
             sensor=self.sensor,
@@ -118,8 +114,8 @@ class CompassDriver:
 
     def _heading_and_attitude(self, source: str, t_ns: int, reading: HprReading) -> tuple[Measurement, ...]:
         tilted = reading.pitch_deg is not None or reading.roll_deg is not None
-        attitude_used = tilted and self._attitudes.admits(source, _RANK[source], t_ns)
-        if self._headings.admits(source, _RANK[source], t_ns):
+        attitude_used = tilted and self._attitudes.admits(source, sentences.RANK[source], t_ns)
+        if self._headings.admits(source, sentences.RANK[source], t_ns):
             heading = Heading(
                 sensor=self.sensor,
                 t_ns=t_ns,

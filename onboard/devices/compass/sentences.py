@@ -188,3 +188,7 @@ HSC100: Final[Forms] = {"HDG": HDG, "HDM": HDM, "HDT": HDT, "HCC": HCC, "ROT": R
 HMR3000: Final[Forms] = {"HDG": HDG, "HDT": HDT, "XDR": XDR, "PTNTHPR": HPR, "PTNTHTM": HTM}
 TCM2: Final[Forms] = {"HDM": HDM}
 KVH: Final[Forms] = {"HDG": HDG, "HDM": HDM, "HDT": HDT}
+
+RANK: Final[Mapping[str, int]] = {"PTNTHPR": 5, "HDG": 4, "HDM": 3, "HCC": 2, "HDT": 1}
+"""Which heading is used where a device sends the same one in several sentences: the one that brings most with it, then
+the magnetic ones (deviation and variation are added ashore, in one place); HDT where it is the only one."""
