@@ -4,8 +4,8 @@ import argparse
 from typing import Final
 
 from common.command import number
+from shore.exports.formats import FORMATS, Format
 
-FORMATS: Final = ("csv", "gpx", "kml", "geojson", "nmea", "mcap", "parquet", "png")
 ORDERS: Final = ("recorded", "time")
 
 
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         choices=FORMATS,
         metavar="FORMAT",
-        help="csv, gpx, kml, geojson, nmea, mcap (for Foxglove), parquet (extra analysis), png (extra report)",
+        help=", ".join(f"{name}{_remark(kind)}" for name, kind in FORMATS.items()),
     )
     parser.add_argument(
         "--filter",
@@ -40,3 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="replace OUT when it is of ours and of the same kind (parquet: anybody's)",
     )
     parser.add_argument("--json", action="store_true", help="last line of stdout is one JSON object")
+
+
+def _remark(kind: Format) -> str:
+    """What a person has to know before choosing it."""
+    if kind.extra is not None:
+        return f" (extra {kind.extra})"
+    return f" (for {kind.used_by})" if kind.used_by is not None else ""

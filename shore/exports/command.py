@@ -91,9 +91,9 @@ def _write(kind: Format, target: Target, track: Track) -> int:
 def _fill(kind: Format, streams: dict[str, BinaryIO], track: Track) -> None:
     """Raises _Nothing when no row came."""
     if "" in streams:
-        kind.write(streams[""], track)
+        kind.writer().write(streams[""], track)
     else:
-        kind.write_all(streams, track)
+        kind.writer().write_all(streams, track)
     if not track.rows:
         raise _Nothing
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import BinaryIO, Final, NamedTuple
+from types import ModuleType
+from typing import Final, NamedTuple
 
 from common.errors import WayfixError
-from shore.exports.track import Track
 
 
 class Format(NamedTuple):
@@ -22,14 +22,12 @@ class Format(NamedTuple):
     needs: str | None = None
     """A package of an extra,"""
     extra: str | None = None
+    used_by: str | None = None
+    """A program that such files are mostly for."""
 
-    def write(self, stream: BinaryIO, track: Track) -> None:
-        """Raises OSError."""
-        import_module(self.module).write(stream, track)
-
-    def write_all(self, streams: dict[str, BinaryIO], track: Track) -> None:
-        """Raises OSError."""
-        import_module(self.module).write_all(streams, track)
+    def writer(self) -> ModuleType:
+        """Has `write(stream, track)`, and `write_all(streams, track)` when it is a table; both raise OSError."""
+        return import_module(self.module)
 
     def check(self, name: str) -> None:
         """Raises WayfixError when a package is missing: before the long work begins."""
@@ -55,7 +53,11 @@ FORMATS: Final[dict[str, Format]] = {
         f"{_HERE}.geojson", lambda head: head.startswith(b'{"type": "FeatureCollection", "generator": "wayfix"')
     ),
     "nmea": Format(f"{_HERE}.nmea", lambda head: head.startswith(b"$IN")),
-    "mcap": Format(f"{_HERE}.mcap_file", lambda head: head.startswith(b"\x89MCAP0") and b"wayfix-export" in head),
+    "mcap": Format(
+        f"{_HERE}.mcap_file",
+        lambda head: head.startswith(b"\x89MCAP0") and b"wayfix-export" in head,
+        used_by="Foxglove",
+    ),
     "parquet": Format(
         f"{_HERE}.parquet", lambda head: head.startswith(b"PAR1"), is_table=True, needs="polars", extra="analysis"
     ),

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from common.codec import encode_frame
 from common.messages import Event, Frame
-from shore.exports import arguments
+from shore.exports import arguments, formats
 from shore.exports.command import run
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
@@ -23,7 +23,7 @@ from shore.navigation.estimate import Estimate
 
 UTC_NS = 1_795_000_000_000_000_000
 NS = 10**9
-KINDS = arguments.FORMATS
+KINDS = tuple(formats.FORMATS)
 HORROR = 'a <"sea"> & \x00\x1b trial'
 """A text that no XML can hold as it is."""
 

@@ -13,7 +13,6 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from common.codec import decode_frame, encode_frame
-from shore.exports import arguments, formats
 from shore.logbook.read import read_log
 from shore.logbook.record import LogWriter
 from shore.logbook.session import start_record
@@ -32,10 +31,6 @@ from tests.station.exporting import (
     rows_of,
     sentences,
 )
-
-
-def test_the_formats_of_the_arguments_are_those_there_are() -> None:
-    assert tuple(formats.FORMATS) == arguments.FORMATS
 
 
 def test_all_formats_have_the_places_of_the_log(out: Path, recorded: list[dict[str, Any]]) -> None:
