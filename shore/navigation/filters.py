@@ -272,14 +272,9 @@ REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
     "kf": (predict_linear, "fixed"),
     "ekf": (predict_extended, "fixed"),
     "ukf": (predict_unscented, "fixed"),
-    "fuzzy-thesis": (predict_unscented, "fuzzy-thesis"),
-    "fuzzy": (predict_unscented, "fuzzy"),
-    "fuzzy-qr": (predict_unscented, "fuzzy-qr"),
-    "iae": (predict_unscented, "iae"),
-    "rae": (predict_unscented, "rae"),
-    "imm": (predict_unscented, "imm"),
+    **{rule: (predict_unscented, rule) for rule in NOISE_RULES if rule != "fixed"},
 }
-"""Name -> prediction, rule for R."""
+"""Name -> prediction, rule for R. A rule of `noise/rules.py` is at once a filter of its name, behind the UKF."""
 
 
 def build_filter(name: str, facts: FilterFacts) -> Filter:
