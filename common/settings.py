@@ -1,4 +1,4 @@
-"""dict -> frozen dataclasses: unknown keys refused, types and ranges checked, all faults reported at once.
+"""Schema validation: a dict becomes frozen dataclasses; keys, types and ranges are checked, all faults said at once.
 
     config = read_toml("boat.toml", BoatConfig)
     SettingsError: boat.toml: [[sensor]] gps1.rate_hz: must be >= 0.01, got -1

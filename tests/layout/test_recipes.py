@@ -1,0 +1,392 @@
+"""The recipes of docs/rooms.md: each is applied to a copy of the tree and run, and touches the files it names."""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.layout.tree import REPOSITORY, Tree
+
+COPIED = ("common", "onboard", "shore")
+PAGE = (REPOSITORY / "docs" / "rooms.md").read_text(encoding="utf-8")
+LOG = REPOSITORY / "tests" / "golden" / "straight" / "log.mcap"
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Tree:
+    for package in COPIED:
+        shutil.copytree(REPOSITORY / package, tmp_path / package)
+    return Tree(tmp_path)
+
+
+def named_in(recipe: str) -> list[str]:
+    """The files in the table of a recipe; `<...>` stands for a name to be chosen."""
+    section = re.split(r"^##+ ", PAGE.split(f"\n### {recipe}\n")[1], maxsplit=1, flags=re.MULTILINE)[0]
+    return re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE)
+
+
+def is_as_named(touched: set[str], named: list[str]) -> bool:
+    """Each named file was touched, and no other."""
+    patterns = [re.sub(r"<[^>]+>", r"[^/]+", re.escape(name).replace(r"\<", "<").replace(r"\>", ">")) for name in named]
+    return len(touched) == len(named) and all(
+        any(re.fullmatch(pattern, path) for path in touched) for pattern in patterns
+    )
+
+
+DRIVER = '''"""A compass that says only its heading: `H123.4`."""
+
+from common.framer import Measurement
+from common.messages import Heading
+from common.sensors import SensorTable
+from onboard.devices.base import Accepted, Line, Outcome, Rejected
+
+
+class PlainDriver:
+    """One such compass."""
+
+    def __init__(self, table: SensorTable) -> None:
+        self.sensor = table.id
+
+    def claims(self, line: Line) -> bool:
+        return line.data.startswith(b"H")
+
+    def feed(self, line: Line) -> Outcome:
+        try:
+            heading_deg = float(line.data[1:])
+        except ValueError:
+            return Rejected("not-a-number", self.sensor)
+        heading = Heading(sensor=self.sensor, t_ns=line.t_ns, heading_mag_deg=heading_deg)
+        return Accepted(self.sensor, "PLAIN", (heading,))
+
+    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:
+        return ()
+'''
+
+
+def model_of_sensor(tree: Tree) -> None:
+    tree.new("onboard/devices/compass/plain.py", DRIVER)
+    registry = "onboard/devices/registry.py"
+    tree.after(registry, "from onboard.devices.compass.tcm2", "from onboard.devices.compass.plain import PlainDriver\n")
+    tree.after(registry, "MODELS:", '    ("compass", "plain"): PlainDriver,\n')
+    tree.new("plain.log", "H001.5\nH002.5\nHello\n")
+    tree.new(
+        "boat.toml",
+        '[boat]\nid = "boat"\n[[port]]\nname = "bow"\npath = "/dev/null"\n'
+        '[[sensor]]\nid = "compass1"\nport = "bow"\nrole = "compass"\nmodel = "plain"\n',
+    )
+    said = tree.on_board("convert", "plain.log", "out.frames", "--config", "boat.toml", "--json")
+    assert '"PLAIN": 2' in said
+    assert '"not-a-number": 1' in said
+
+
+SENTENCE = """
+
+def _ths(text: Text) -> HeadingReading:
+    return HeadingReading(heading_true_deg=fields.direction(text("heading")))
+
+
+THS: Final[Form[Reading]] = Form(2, 2, _ths, names=("heading", "mode"))
+"""
+
+
+def sentence(tree: Tree) -> None:
+    path = "onboard/devices/compass/sentences.py"
+    tree.after(path, "HTM: Final", SENTENCE)
+    tree.within(path, "NMEA: Final[Forms] = {", 'NMEA: Final[Forms] = {"THS": THS, ')
+    tree.within(path, "RANK: Final[Mapping[str, int]] = {", 'RANK: Final[Mapping[str, int]] = {"THS": 0, ')
+    said = tree.python(
+        "-c",
+        "from common.sensors import SensorTable\n"
+        "from onboard.devices.base import Line\n"
+        "from onboard.devices.registry import make_driver\n"
+        "driver = make_driver(SensorTable(id='compass1', port='bow', role='compass'))\n"
+        "line = Line(0, b'$HETHS,123.4,A*29')\n"
+        "print(driver.claims(line), driver.feed(line))",
+    )
+    assert "True Accepted" in said
+    assert "heading_true_deg=123.4" in said
+
+
+def happening(tree: Tree) -> None:
+    row = '    "bilge-wet": EventKind("warning", "{depth_mm} mm of water in the bilge", "pump it out"),\n'
+    tree.after("common/events.py", "EVENTS:", row)
+    said = tree.python(
+        "-c",
+        "from common.codec import decode_frame, encode_frame\n"
+        "from common.events import event, line_of\n"
+        "from common.messages import Frame\n"
+        "happening = event('bilge-wet', 5_000, 'daemon', depth_mm=30)\n"
+        "frame = Frame(boat_id='b', boot_id='0', seq=0, clock_id='c', start_no=1, t0_ns=0, t1_ns=10_000,\n"
+        "              events=(happening,))\n"
+        "print(line_of(decode_frame(encode_frame(frame)).events[0]))",
+    )
+    assert said == "30 mm of water in the bilge; pump it out\n"
+
+
+def replayed(tree: Tree, name: str) -> str:
+    return tree.wayfix("replay", LOG, "--filters", name, "--json")
+
+
+def new_filter(tree: Tree) -> None:
+    tree.after("shore/navigation/filters.py", "REGISTRY:", '    "ekf-fuzzy": (predict_extended, "fuzzy"),\n')
+    assert '"ekf-fuzzy"' in replayed(tree, "ekf-fuzzy")
+
+
+RULE = '''"""A measurement noise R that is twice what the boat's file says."""
+
+from dataclasses import dataclass
+
+from shore.navigation.noise.adaptation import BeforeUpdate, Channel, ChannelNoise
+from shore.navigation.numbers import Number
+
+
+@dataclass(frozen=True, slots=True)
+class Doubled(BeforeUpdate):
+    """2 R0."""
+
+    def adapt(self, channel: Channel, noise: ChannelNoise, innovation: Number, prior_variance: Number) -> ChannelNoise:
+        return noise._replace(variance=2.0 * channel.initial_variance)
+'''
+
+
+def noise_rule(tree: Tree) -> None:
+    tree.new("shore/navigation/noise/doubled.py", RULE)
+    path = "shore/navigation/noise/rules.py"
+    tree.after(path, "from shore.navigation.noise.adaptation", "from shore.navigation.noise.doubled import Doubled\n")
+    tree.after(path, "NOISE_RULES:", '    "doubled": Doubled(),\n')
+    assert '"doubled"' in replayed(tree, "doubled")
+
+
+FORMAT = '''"""A line of text for each estimate."""
+
+from typing import BinaryIO
+
+from shore.exports.track import Row, Track
+
+
+def write(stream: BinaryIO, track: Track) -> None:
+    """The estimates. Raises OSError."""
+    for item in track.items():
+        if isinstance(item, Row):
+            stream.write(b"here\\n")
+'''
+
+
+def export_format(tree: Tree) -> None:
+    tree.new("shore/exports/lines.py", FORMAT)
+    row = '    "lines": Format(f"{_HERE}.lines", lambda head: head.startswith(b"here")),\n'
+    tree.after("shore/exports/formats.py", "FORMATS:", row)
+    assert "lines" in tree.wayfix("export", "--help")
+    log = tree.root / "log.mcap"
+    tree.wayfix("replay", LOG, "--filters", "ukf", "--record", log)
+    tree.wayfix("export", log, "out.lines", "--to", "lines")
+    assert (tree.root / "out.lines").read_text(encoding="ascii").startswith("here\nhere\n")
+
+
+READER = '''"""Lines `place LAT LON`, one a second."""
+
+from collections.abc import Iterator
+
+from common.framer import Measurement
+from common.messages import Fix
+from common.sensors import BoatTable, SensorTable
+from shore.imports.account import Account
+from shore.imports.frames import PORT
+from shore.imports.reader import Lines, Record, Sources
+
+
+class PlacesReader:
+    """Reader of such a file."""
+
+    def __init__(self, lines: Lines) -> None:
+        self.account = Account("lines")
+        self.accounts = (self.account,)
+        self.boat = BoatTable(id="places")
+        self.is_utc = False
+        self.notes: list[str] = []
+        self.sources = Sources()
+        self._lines = lines
+
+    def records(self) -> Iterator[Record]:
+        return (Record(None, line.split()[1:]) for line in self._lines)
+
+    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
+        lat_deg, lon_deg = map(float, record.content)
+        self.account.taken["place"] += 1
+        yield Fix(sensor=self.sources.id_of("gps", ""), t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg)
+
+    def leave_out(self, record: Record, reason: str) -> None:
+        self.account.rejected[reason] += 1
+
+    def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
+        return self.sources.tables(PORT, rates_hz)
+'''
+
+
+def import_kind(tree: Tree) -> None:
+    tree.new("shore/imports/places.py", READER)
+    kinds, run = "shore/imports/kinds.py", "shore/imports/run.py"
+    tree.after(kinds, "class Kind(StrEnum):", '    PLACES = "list of places"\n')
+    tree.after(kinds, "_refuse_magic(path, head)", '    if head.startswith(b"place "):\n        return Kind.PLACES\n')
+    tree.after(run, "from shore.imports.plan", "from shore.imports.places import PlacesReader\n")
+    case = "            case Kind.PLACES:\n"
+    made = "                return _from_reader(job, lambda progress: PlacesReader(Lines(job.source, progress)))\n"
+    tree.after(run, "match job.kind:", case + made)
+    (tree.root / "places").write_text("place 50.0 -4.0\nplace 50.1 -4.0\n", encoding="ascii")
+    said = tree.wayfix("import", "places", "out.mcap", "--filters", "none", "--json")
+    assert '"kind": "list of places"' in said
+    assert '"usable_fixes": 2' in said
+
+
+COMMAND = '''"""`wayfix size`: how many bytes a log has."""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """LOG."""
+    parser.add_argument("log", type=Path)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Say it."""
+    print(arguments.log.stat().st_size)
+    return 0
+'''
+
+
+def command_ashore(tree: Tree) -> None:
+    tree.new("shore/report/size.py", COMMAND)
+    main = "shore/main.py"
+    tree.after(main, "from shore.replay.command", "from shore.report.size import add_arguments as add_size_arguments\n")
+    tree.after(
+        main, '_add(commands, "pair"', '    _add(commands, "size", "bytes of a log", add_size_arguments, _size)\n'
+    )
+    run = '\ndef _size(arguments: argparse.Namespace) -> int:\n    """Bytes of a log."""\n'
+    work = "    from shore.report.size import run\n\n    return run(arguments)\n\n"
+    tree.after(main, 'DEMO_FILTERS = "', run + work)
+    assert "bytes of a log" in tree.wayfix("--help")
+    assert tree.wayfix("size", LOG) == f"{LOG.stat().st_size}\n"
+
+
+SUBCOMMAND = '''"""`wayfix-onboard lines`: how many lines a recording has."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add_arguments(commands: Any) -> None:
+    """The subcommand."""
+    lines = commands.add_parser("lines", help="count the lines of a recording")
+    lines.add_argument("recording", type=Path)
+    lines.set_defaults(command=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    print(len(arguments.recording.read_bytes().splitlines()))
+    return 0
+'''
+
+
+def command_on_board(tree: Tree) -> None:
+    tree.new("onboard/recorded/count.py", SUBCOMMAND)
+    call = "    from onboard.recorded.count import add_arguments as add_count\n\n    add_count(commands)\n"
+    tree.after("onboard/main.py", "commands = parser.add_subparsers", call)
+    assert "count the lines" in tree.on_board("--help")
+    (tree.root / "recording").write_text("$GP\n$GP\n", encoding="ascii")
+    assert tree.on_board("lines", "recording") == "2\n"
+
+
+ASKED = """
+        async def sensors(_fields: dict[str, Any]) -> dict[str, Any]:
+            return {"sensors": sorted(self._reopen)}
+"""
+ASKING = '''
+def _sensors(arguments: argparse.Namespace) -> int:
+    """The sensors of the running daemon."""
+    print(*ask(runtime_of(arguments.runtime, os.environ), "sensors", ANSWER_S)["sensors"])
+    return 0
+
+'''
+ANSWERED = """
+import asyncio, threading
+from pathlib import Path
+from onboard.control.commands import Commands
+from onboard.control.socket import Control
+from onboard.main import main
+
+async def run():
+    commands = Commands(dict, {"gps1": print, "imu1": print}, print, lambda: 0)
+    control = Control(Path("."), commands.handlers(), print, lambda: 0)
+    serving = asyncio.create_task(control.run())
+    await control.tried.wait()
+    await asyncio.to_thread(main, ["sensors", "--runtime", "."])
+    serving.cancel()
+
+asyncio.run(run())
+"""
+
+
+def request_to_the_daemon(tree: Tree) -> None:
+    commands, command = "onboard/control/commands.py", "onboard/control/command.py"
+    tree.after(commands, '"""For the control socket."""', ASKED)
+    tree.within(commands, '"mark": mark}', '"mark": mark, "sensors": sensors}')
+    tree.after(command, '_add(commands, "keys"', '    _add(commands, "sensors", "all sensors", _sensors)\n')
+    tree.after(command, "ANSWER_S = 15", ASKING)
+    assert tree.python("-c", ANSWERED) == "gps1 imu1\n"
+
+
+SCENARIO = """    Scenario(
+        name="there",
+        group=OURS,
+        text="straight to one buoy",
+        mission=Mission(start=(0.0, 0.0), waypoints=((0.0, 60.0),), heading_deg=0.0),
+        phases=(Phase(0.0, CALIBRATED),),
+        assumed=told_right(CALIBRATED),
+    ),
+"""
+
+
+def scenario(tree: Tree) -> None:
+    tree.after("common/simulation/scenarios_own.py", "OWN: Final", SCENARIO)
+    assert "straight to one buoy" in tree.wayfix("lab", "list")
+    tree.python("-c", "from common.simulation.scenarios import scenario_voyage\nscenario_voyage('there', seconds=5.0)")
+
+
+RECIPES: dict[str, Callable[[Tree], None]] = {
+    "A model of sensor": model_of_sensor,
+    "A sentence of a known family": sentence,
+    "An event": happening,
+    "A filter": new_filter,
+    "A noise rule": noise_rule,
+    "An export format": export_format,
+    "An import kind": import_kind,
+    "A command ashore": command_ashore,
+    "A command on board": command_on_board,
+    "A request to the running daemon": request_to_the_daemon,
+    "A simulated scenario": scenario,
+}
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_a_recipe_works_and_touches_the_files_it_names(recipe: str, tree: Tree) -> None:
+    RECIPES[recipe](tree)
+    assert is_as_named(tree.touched, named_in(recipe)), (sorted(tree.touched), named_in(recipe))
+
+
+def test_every_recipe_of_the_page_is_tried() -> None:
+    recipes = PAGE.split("\n## Recipes\n")[1]
+    assert re.findall(r"^### (.+)$", recipes, flags=re.MULTILINE) == list(RECIPES)
+
+
+def test_a_recipe_that_names_too_few_or_other_files_is_caught() -> None:
+    named = ["onboard/devices/<family>/<model>.py", "onboard/devices/registry.py"]
+    right = {"onboard/devices/compass/plain.py", "onboard/devices/registry.py"}
+    assert is_as_named(right, named)
+    assert not is_as_named({*right, "onboard/config.py"}, named)
+    assert not is_as_named({"onboard/devices/registry.py"}, named)
+    assert not is_as_named({"onboard/devices/compass/plain.py", "onboard/config.py"}, named)
