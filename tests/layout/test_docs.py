@@ -106,3 +106,15 @@ def is_sentence(line: str) -> bool:
 @pytest.mark.parametrize("line", ["", "Reads", "reads lines.", "Reads lines and"])
 def test_what_is_no_sentence_is_caught(line: str) -> None:
     assert not is_sentence(line)
+
+
+def test_every_decision_has_a_place_in_the_index() -> None:
+    page = (ROOT / "docs" / "decisions.md").read_text(encoding="utf-8")
+    index, entries = page.split("\n## Entries\n")
+    subjects = index.split("\n| entry | status |")[0]
+    placed = {
+        int(number) for row in re.findall(r"\| ([\d, ]+) \|$", subjects, re.MULTILINE) for number in row.split(",")
+    }
+    numbers = [int(number) for number in re.findall(r"^(\d+)\. \*\*", entries, re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert placed == set(numbers)
