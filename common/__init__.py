@@ -1,1 +1,1 @@
-"""What the boat and the shore must agree on: messages, codec, link vocabulary, settings, time, angles."""
+"""What the boat and the shore share: messages, wire format, link protocol, settings, time, angles, events."""

@@ -1,4 +1,4 @@
-"""The boat clock: int nanoseconds of CLOCK_BOOTTIME, optionally scaled.
+"""The boat clock: a monotonic clock, int nanoseconds of CLOCK_BOOTTIME, optionally scaled.
 
 Every time in memory is `t_ns` on this clock, rounded to whole microseconds when stamped.
 The wall clock is used for nothing but the UTC a frame is labelled with.

@@ -1,4 +1,4 @@
-"""Frame <-> bytes: MessagePack maps keyed by field name, `v` (schema version) first.
+"""Serialisation of frames: MessagePack maps keyed by field name, `v` (schema version) first.
 
     data = encode_frame(frame)
     frame = decode_frame(data)          # raises CodecError: fixes[0].lat_deg: must be <= 90, got 91

@@ -1,4 +1,4 @@
-"""What the `main` of both programs share: one sentence for every fault, the exit codes, and number arguments.
+"""Command line of both programs: one sentence for every fault, exit codes, and number arguments with bounds.
 
 Exit 0 = done (also after Ctrl-C), 1 = ran and the answer is no, 2 = wrong input or environment.
 """

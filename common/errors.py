@@ -1,4 +1,4 @@
-"""The error tree.
+"""The exception hierarchy: a fault that a person can cure says what, where and what to do.
 
 Exception
 └── WayfixError           somebody outside the program has to do something: says what, where and how to cure it

@@ -1,4 +1,4 @@
-"""One table of event codes: what it says and what to do. Both sides raise events only from here."""
+"""Catalogue of events (alarms, notices): what each says and what to do. Both sides raise events only from here."""
 
 from dataclasses import dataclass
 from typing import Final

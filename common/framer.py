@@ -1,4 +1,4 @@
-"""Measurements in, frames out on an absolute grid; also merges frames for clients that ask for a longer period."""
+"""Framing: measurements in, frames out on an absolute time grid; also merges frames to a longer period."""
 
 import struct
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Local tangent plane on WGS 84: latitude/longitude <-> east/north metres about an origin.
+"""Geodesy: local tangent plane (ENU) on WGS 84, latitude/longitude <-> east/north metres about an origin.
 
 Exact topocentric ENU by way of earth-centred coordinates (tested against pyproj to 1 um and 1e-10 deg), good to 0.04 m
 against the geodesic at 20 km; the flat formula is not used anywhere (0.5 m off at 2 km).

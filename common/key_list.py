@@ -1,4 +1,4 @@
-"""Text files that say whom to trust, one line for each: `KEY WORD NAME` (public key in Z85, one word, the rest).
+"""Text files that say whom to trust (allow list, known boats): a line is `KEY WORD NAME`, the key in Z85.
 
     # a comment (no key begins with a hash: it would be beyond 2^32)
     rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7 read,command bridge laptop

@@ -1,4 +1,4 @@
-"""Keys of the link: CURVE key pairs as ZeroMQ takes them (Z85), kept in files, and how people compare them.
+"""Public keys of the link: CURVE key pairs as ZeroMQ takes them (Z85), key files, fingerprints.
 
 A secret key file is one line: the secret key in 40 characters of Z85. The public key follows from it. Only its owner
 may read it; a file that others can read is refused, not repaired: its key may be known to somebody already.

@@ -1,4 +1,4 @@
-"""The messages: frozen, slotted dataclasses that both sides share.
+"""Message schema: the frozen, slotted dataclasses that both sides share.
 
 Conventions (docs/signs-and-units.md): `None` = not available, never 0 or NaN; degrees at this interface;
 `t_ns` = int nanoseconds on the boat clock when the measurement was valid; latitude north +, longitude east +;

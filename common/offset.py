@@ -1,4 +1,4 @@
-"""How far the boat's clock is ahead of the station's, from the answers to leases. For display and alarms only.
+"""Clock offset between boat and station from round trips of leases, as NTP does. For display and alarms only.
 
 Fusion and logs go by the boat's clock alone. Over a radio that is busy one way, frames queue before the answers and the
 mean of (boat - station) is wrong by half the queue; the answer with the shortest round trip met no queue, so only that

@@ -1,4 +1,4 @@
-"""Pairing: a board and a station learn each other's public keys, proved by one code that a person carries across.
+"""Pairing (key exchange): board and station learn each other's public keys, proved by a code a person carries.
 
     station -> board   {version, nonce, key}
     board -> station   {nonce, key, boat_id}

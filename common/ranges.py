@@ -1,4 +1,4 @@
-"""Bounds of a field, attached with `Annotated`; the codec and the settings reader both obey them."""
+"""Bounds of a field (validation), attached with `Annotated`; the codec and the settings reader both obey them."""
 
 from dataclasses import dataclass
 

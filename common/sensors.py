@@ -1,4 +1,4 @@
-"""One table of roles, and the facts of one boat's sensors (the board's configuration file).
+"""Sensor configuration: the table of roles, and the tables of the boat's file (sigmas, lever arms, biases, rates).
 
 Liveness limits, frame fields and documentation derive from `ROLES`. The board's file is the only source of sensor
 facts: the parsed tables travel in `connected` and into the log.

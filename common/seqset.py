@@ -1,4 +1,4 @@
-"""Sets of sequence numbers of one daemon start, kept as ranges: what came, what is missing, what is on its way."""
+"""Interval set of the sequence numbers of one daemon start: what came, what is missing, what is in flight."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator

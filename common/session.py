@@ -1,4 +1,4 @@
-"""The link's vocabulary (docs/protocol.md).
+"""Link protocol: the messages between board and station (docs/protocol.md), lease, window, bounded run.
 
 One ROUTER socket on board, one DEALER for each client. A message is one MessagePack map with a `type`; a `frame`
 message has a second part with the frame's bytes, unchanged from board to log.

@@ -1,4 +1,4 @@
-"""Unit conversions used at the edges (decoders, views); everything between is SI."""
+"""Unit conversions at the edges (decoders, views); everything between them is SI."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""MessagePack from strangers.
+"""Hardened MessagePack decoder for untrusted input: messages of strangers, a few levels deep.
 
 msgpack's decoder loses memory with every message that ends inside a list (1.0.3: 7 MB by one message of 3 kB). So here
 it decodes plain values only; lists and maps are taken apart one by one, a few deep.

@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are whole."""
+"""Atomic file replacement: files appear under their name only when they are whole."""
 
 import os
 import stat

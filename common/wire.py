@@ -1,4 +1,4 @@
-"""Values on the wire: from a field's annotation to the functions that check and convert it (used by `common.codec`).
+"""Wire types: from a field's annotation to the functions that check and convert it (used by `common.codec`).
 
 A converter takes (value, t0_ns of the frame) and returns the checked value or raises Fault. Most are the same for both
 directions; columns, times and lists come in pairs (encode, decode).

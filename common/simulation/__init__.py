@@ -1,1 +1,1 @@
-"""Simulated worlds: scenarios, truth, sensors with their flaws, and recordings played as a boat."""
+"""Simulation: scenarios, ground truth, sensor error models, and recordings that are played as a boat."""

@@ -1,4 +1,4 @@
-"""What a filter is told about a scenario's sensors and start: the tables a thesis prints beside its results."""
+"""Filter tuning of a scenario: the sigmas, densities and start that a filter assumes, as a thesis prints them."""
 
 import math
 from dataclasses import dataclass

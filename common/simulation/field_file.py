@@ -1,4 +1,4 @@
-"""A vector field from a CSV file: velocities on a rectangular grid, units in the header.
+"""Gridded current or wind: a vector field from a CSV file, velocities on a rectangular grid, units in the header.
 
 The header names each column and its unit, in any order; every row gives the velocity at one point of the grid:
 

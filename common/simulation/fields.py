@@ -1,4 +1,4 @@
-"""Water and air that move: vector fields over the local plane and time.
+"""Currents, tides and wind: vector fields over the local plane and time.
 
 A field is any callable (east_m, north_m, t_s) -> (v_east_m_s, v_north_m_s): the velocity of the water at a place, `t_s`
 seconds after the start of the voyage. Fields take floats, or arrays of one shape (many boats at once). What pushes a

@@ -1,4 +1,4 @@
-"""What real sensors do besides white noise: biases drawn at turn-on, drift, scale factor, deviation, latency.
+"""Systematic sensor errors: turn-on bias, Gauss-Markov drift, scale factor, deviation, latency.
 
 Thesis section 3.2.2 names them (turn-on and in-run errors as a random walk or a Gauss-Markov process, hard and soft
 iron) and simulates none but the constant bias.

@@ -1,4 +1,4 @@
-"""Truth: a boat that tracks waypoints through moving water, on a fine time grid.
+"""Ground truth: a boat that follows waypoints through moving water (guidance, kinematics), on a fine time grid.
 
 The thesis sails in steps of T = 1 s. Here the helm decides every T and the boat moves in steps of 0.05 s between, so
 that any sensor rate can be served. Within a step the ground velocity changes linearly (constant acceleration):

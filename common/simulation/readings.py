@@ -1,4 +1,4 @@
-"""What a virtual boat's sensors say, before any device turns it into bytes: a time-ordered list of readings.
+"""Sensor readings of a virtual boat (errors included) in order of time, before a device turns them into bytes.
 
 A scenario (`scenarios.py`) or a recording (`recording.py`) makes the list; encoders (`onboard.virtual.encoders`) or the
 laboratory take it. No numpy in here, so that encoders can be imported anywhere.

@@ -1,4 +1,4 @@
-"""A column recording (CSV) and a mapping file (TOML) -> the same voyage a scenario gives.
+"""A column recording (CSV) and a mapping file (TOML) become the same voyage that a scenario gives.
 
 The mapping names the columns, their scales, how often each stream is sub-sampled and which noise is added (a declared
 make-believe: many recordings hold a navigation solution instead of a receiver's raw fix). A row with an empty field is

@@ -1,4 +1,4 @@
-"""Many runs of one scenario for the laboratory: all sensors at the scenario's step, each run from its own seed."""
+"""Monte Carlo runs of one scenario: all sensors at the scenario's step, each run from its own seed."""
 
 from dataclasses import dataclass
 from typing import Final

@@ -1,4 +1,4 @@
-"""Error models of simulated sensors: truth in, erroneous columns out, for one boat or for many runs at once.
+"""Sensor error models: truth in, noisy columns (white noise, bias) out, for one boat or for many runs at once.
 
 White Gaussian noise by phase plus a constant IMU bias are the thesis' models (Eqs 3.1-3.4, Table 5.4); `flaws.py` adds
 what real sensors do besides. Each sensor draws from its own generator; the draws of a time come together, so a shorter

@@ -1,4 +1,4 @@
-"""The thesis' tables of sensor errors, as constants.
+"""Sensor error tables of the thesis, as constants.
 
 Readings of doubtful entries: numbers headed "variance" with the unit of a deviation are 1-sigma; the scanned
 "0.0042 m/s^2" is 0.004 squared, so 0.004 m/s^2; table 5.4's biases are removed before the thesis' filters run.

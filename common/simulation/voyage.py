@@ -1,4 +1,4 @@
-"""A voyage: readings and the truth behind them, the same for a simulated scenario and a played recording."""
+"""A voyage: readings and the ground truth behind them, the same for a simulated scenario and a played recording."""
 
 from dataclasses import dataclass, field
 

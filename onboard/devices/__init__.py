@@ -1,4 +1,4 @@
-"""Drivers: lines of a port to typed measurements, one file for each device family.
+"""Device drivers: lines of a port become typed measurements, one file for each device family.
 
 Every line ends as Accepted, Rejected (with a reason) or Ignored; nothing here raises on bad input, reads a clock or
 opens anything.

@@ -1,4 +1,4 @@
-"""What every driver shares: lines in, outcomes out; bad input is an outcome with a reason, never an exception.
+"""Driver interface: lines in, outcomes out; bad input is an outcome with a reason, never an exception.
 
 A driver is pure: it takes a line and its time, returns values, reads no clock, opens nothing.
 """

@@ -1,4 +1,4 @@
-"""Strict readers of single NMEA fields: text in, value or `None` (empty field) out.
+"""Field parsers of NMEA sentences, strict: text in, value or `None` (empty field) out.
 
 Nothing is guessed: a number is `-?digits[.digits]` and nothing else (no exponent, `nan`, underscore, plus sign, blank),
 and every value has a range. What does not pass raises `FieldFault`, caught in `nmea.read` only.

@@ -1,4 +1,4 @@
-"""NMEA sentences to typed readings: the only importer of pynmea2, behind a strict guard.
+"""NMEA 0183 parser: sentences to typed readings; the only importer of pynmea2, behind a strict guard.
 
 pynmea2 splits a sentence and names its fields; its converters are not used, because they answer an empty coordinate
 with 0.0, a bad number with its text, `nan` with nan, and raise IndexError, TypeError or OverflowError on what a noisy

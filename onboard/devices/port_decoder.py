@@ -1,4 +1,4 @@
-"""All sensors of one port: each line goes to the first driver, in file order, that claims it."""
+"""Dispatch (demultiplexing) of one port's lines: each goes to the first driver, in file order, that claims it."""
 
 import logging
 import re

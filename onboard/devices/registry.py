@@ -1,4 +1,4 @@
-"""Which driver serves a sensor: one table by role and model."""
+"""Driver registry: which driver serves a sensor, one table by role and model."""
 
 from collections.abc import Callable, Iterable
 from typing import Final

@@ -1,4 +1,4 @@
-r"""The outside of an NMEA sentence: address and checksum, before any field is looked at.
+r"""NMEA 0183 framing: address, checksum and tag block of a sentence, before any field is looked at.
 
 `$ttfff,field,...*hh`: talker (two characters), formatter (three), checksum = XOR of all bytes between `$` and `*`.
 AIS sentences begin with `!`. The checksum is required: a sentence without one cannot be told from a damaged one.

@@ -1,1 +1,1 @@
-"""Recordings of serial ports: played on the time inside their sentences, or converted into a frames file."""
+"""Recordings of serial ports (NMEA logs): played on the time inside their sentences, or converted to frames."""

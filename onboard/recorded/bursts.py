@@ -1,4 +1,4 @@
-"""Which lines of a recording a receiver sent in one go, and the time they carry."""
+"""Burst detection: which lines of a recording a receiver sent in one go, and the time they carry."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""`wayfix-onboard convert`: a recording through the daemon's own decoders and framer, on the time of its sentences.
+"""`wayfix-onboard convert`: offline decoding, a recording through the daemon's decoders on the time of its sentences.
 
 The boat clock of a converted recording is the UTC time of day of its sentences (nanoseconds after midnight, running on
 over the next one), and counts from 0 where there are none. The same recording and configuration give the same bytes.

@@ -1,4 +1,4 @@
-"""A recording of a serial port as its lines: what was on the wire, and what a program or a person wrote around it.
+"""Log parser: a serial recording as its lines, what was on the wire and what a program or person wrote around it.
 
 A line ends at CR, LF or any number of them, as for `onboard.reading.lines`; empty lines are sent with the line before
 and not counted. `#` lines at the beginning are the head of a gpsd log. In a table (CSV rows with a quoted sentence,

@@ -1,4 +1,4 @@
-"""Which sensors speak in a recording: whatever a driver accepts lines of."""
+"""Sensor detection: which sensors speak in a recording, by the drivers that accept its lines."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""When each line of a recording was sent, from the times inside its sentences. Pure; for the player and `convert`.
+"""Timestamp reconstruction: when each line was sent, from times inside its sentences. Pure; for player and `convert`.
 
 1. A burst with a new UTC (`bursts`) is an anchor. Anchors lie apart as their times of day do.
 2. Lines between two anchors are spread evenly, by their number.

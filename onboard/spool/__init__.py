@@ -1,4 +1,4 @@
-"""The board's durable store of frames (docs/spool-format.md)."""
+"""Store and forward: the board's durable store of frames (docs/spool-format.md)."""
 
 from onboard.spool.memory import Batch
 from onboard.spool.shelf import Run

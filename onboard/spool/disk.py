@@ -1,4 +1,4 @@
-"""What the writer asks of the operating system; tests put trouble in here."""
+"""System calls of the writer (flock, write, fdatasync, unlink): a seam where tests inject disk faults."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""Looking at a spool without touching it, also while the daemon writes: every byte checked, every lost frame named."""
+"""Integrity check of a spool, read-only, also while the daemon writes: every byte checked, every lost frame named."""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The bytes of a segment (docs/spool-format.md). Pure.
+"""Segment format: the bytes of header and records, with CRC (docs/spool-format.md). Pure.
 
     header: magic, version, length, CRC-32, MessagePack map      records: magic, flags, length, seq, CRC-32, frame
 

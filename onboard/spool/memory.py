@@ -1,4 +1,4 @@
-"""Frames in memory, and what a read gathers. Pure."""
+"""FIFO queue of frames in memory, and the batch that a read gathers. Pure."""
 
 from bisect import bisect_left
 from collections.abc import Sequence

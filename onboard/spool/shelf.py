@@ -1,4 +1,4 @@
-"""Segments on disk: listing, recovery, index, reading. Nothing here writes."""
+"""Index of segments on disk: listing, crash recovery, reading. Nothing here writes."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""What the loop's thread, the writer's and readers share. Its condition is never held over work on the disk."""
+"""Shared state of the loop's thread, the writer's and readers; its lock is never held over work on the disk."""
 
 import threading
 from collections import deque

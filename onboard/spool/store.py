@@ -1,4 +1,4 @@
-"""The spool as the server sees it: frames go in without waiting, and come out by their identity."""
+"""Append-only store of frames as the server sees it: frames go in without waiting and come out by identity."""
 
 import threading
 from bisect import bisect_right

@@ -1,4 +1,4 @@
-"""The one thread that writes frames to disk: segments, syncing, retention, and what goes wrong with them."""
+"""Writer thread: segments, syncing (fdatasync), retention, retry with back-off, and what goes wrong with them."""
 
 import errno
 import logging

@@ -1,1 +1,1 @@
-"""The virtual boat: pseudo-terminals that behave like the sensors of a real one."""
+"""Simulator (virtual boat): pseudo-terminals that behave like the sensors of a real one."""

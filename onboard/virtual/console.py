@@ -1,4 +1,4 @@
-"""Waiting without missing anything: stdin's lines, its end, and the signals that ask the boat to stop."""
+"""Event multiplexing (select): waits for stdin's lines, its end, and signals that ask the boat to stop."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Reading -> the bytes a real device would send, and the values those bytes still hold.
+"""Device encoders: a reading becomes the bytes a real device would send, and the values those bytes still hold.
 
 Layouts are those of real devices: BU-353 receiver, HSC100 compass, ArduIMU V3. Every value is rounded to the
 device's own resolution; `Encoded.values` tells what a decoder can get back, under the names of `common.messages`.

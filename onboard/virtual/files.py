@@ -1,4 +1,4 @@
-"""What a voyage leaves beside its ports: the daemon's configuration and the truth."""
+"""Output files of a voyage: the daemon's configuration and the ground truth, beside the ports."""
 
 from dataclasses import replace
 from pathlib import Path

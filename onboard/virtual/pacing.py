@@ -1,4 +1,4 @@
-"""When each byte of a device reaches the board: pure arithmetic of baud rate and queueing.
+"""Serial line timing: when each byte of a device reaches the board, by baud rate and queueing. Pure.
 
 Ten bits a byte (8N1). A line is never faster than the baud rate and never overtakes the line before it.
 """

@@ -1,4 +1,4 @@
-"""Recorded streams as the virtual boat's source: each file on a port of its own, on the time of its sentences."""
+"""Playback of recorded streams as the virtual boat's source: each file on its own port, on its sentences' time."""
 
 import re
 import sys

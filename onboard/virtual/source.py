@@ -1,4 +1,4 @@
-"""What the virtual boat can play: one interface for voyages and recorded streams."""
+"""Source interface of the virtual boat: one for voyages and recorded streams."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A pseudo-terminal under a stable name, which can be pulled out and put back like a USB adapter."""
+"""A pseudo-terminal (pty) under a stable name, which can be pulled out and put back like a USB adapter."""
 
 import contextlib
 import os

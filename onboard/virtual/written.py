@@ -1,4 +1,4 @@
-"""What the virtual boat writes whatever it plays: the daemon's configuration, and what was sent."""
+"""Configuration writer (TOML) and sent-data log of the virtual boat, whatever it plays."""
 
 import json
 import sys

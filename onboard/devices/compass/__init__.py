@@ -1,1 +1,1 @@
-"""Compasses."""
+"""Compass drivers: heading, rate of turn, attitude."""

@@ -1,4 +1,4 @@
-"""Compasses that speak NMEA: any of them, Digital Yacht HSC100 and HSC100T, Honeywell HMR3000.
+"""NMEA compasses: any of them, Digital Yacht HSC100 and HSC100T, Honeywell HMR3000.
 
 What a model sends is a table of forms in `sentences`; all of them need their checksum. Autonnic, who makes the HSC100's
 electronics, can switch the checksum off (or put a serial number in its place): such lines are refused, turn it on.

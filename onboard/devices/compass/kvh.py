@@ -1,4 +1,4 @@
-"""KVH C100 and its family: NMEA, or KVH's own form.
+"""KVH C100 compass and its family: NMEA, or KVH's own form.
 
 Own form, magnetic, without checksum: `%AAAA,BBBB,CCCC` = pitch, roll, azimuth in tenths of a degree, four characters
 each, a minus among them (GyroTrac; TracVision G4 manual, table G-4); or `%123.4`, the heading alone (C100; its start

@@ -1,4 +1,4 @@
-"""One value at an instant, though a device may send the same reading in two or three sentences."""
+"""Duplicate suppression: one value at an instant, though a device may send the same reading in several sentences."""
 
 from typing import Final
 

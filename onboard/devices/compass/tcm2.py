@@ -1,4 +1,4 @@
-"""PNI TCM2, TCM2.5, TCM2.6, and what sends the same words (OceanServer OS500).
+"""PNI TCM2, TCM2.5, TCM2.6 compasses, and what sends the same words (OceanServer OS500).
 
 `$C<heading>P<pitch>R<roll>X<Bx>Y<By>Z<Bz>T<temperature>E<code>*hh`: order fixed, any group may be switched off, the
 checksum is NMEA's. Heading, pitch and roll in degrees with one decimal, pitch + front edge up, roll + right edge down;

@@ -1,1 +1,1 @@
-"""Satellite receivers."""
+"""GNSS receivers (GPS): one fix for each epoch."""

@@ -1,4 +1,4 @@
-"""NMEA receivers (BU-353-S4, u-blox and others): one Fix for each receiver epoch.
+"""NMEA GNSS receivers (BU-353-S4, u-blox and others): one Fix for each receiver epoch.
 
 Position from GGA, else GNS, RMC, GLL; SOG and COG from RMC, else VTG; mode and dilutions from GSA; date from the
 epoch's own RMC or ZDA. One antenna with the talkers GP, GL, GA and GN is one sensor.

@@ -1,4 +1,4 @@
-"""One receiver epoch: the sentences that share one UTC time, and the Fix they make together."""
+"""GNSS epoch assembly: the sentences that share one UTC time, and the Fix they make together."""
 
 from dataclasses import dataclass, field
 from datetime import date

@@ -1,4 +1,4 @@
-"""Sentences of satellite receivers as typed readings: GGA, GNS, RMC, VTG, GSA, GLL, ZDA.
+"""Sentences of GNSS receivers as typed readings: GGA, GNS, RMC, VTG, GSA, GLL, ZDA.
 
 Fields by NMEA 0183 from 2.0 to 4.11. Optional at the end: mode of RMC, GLL and VTG (2.3), system identity of GSA and
 navigational status of RMC and GNS (4.1). The status says nothing of the fix (u-blox always sends V) and is not read.

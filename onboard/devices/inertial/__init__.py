@@ -1,1 +1,1 @@
-"""Inertial units and rate gyros."""
+"""Inertial measurement units (IMU) and rate gyros."""

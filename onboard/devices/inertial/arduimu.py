@@ -1,4 +1,4 @@
-"""ArduIMU V3 (MPU-6000 and HMC5883L), text output of firmware 1.9: `!!!KEY:value,KEY:value***`.
+"""ArduIMU V3 inertial unit (MPU-6000, HMC5883L), text of firmware 1.9: `!!!KEY:value,KEY:value***`.
 
 The line has no checksum, so the grammar is strict: both marks, only `KEY:number` between single commas, no key twice,
 every value in its range, the six sensor values and the nine of the matrix all or none, the matrix a rotation. A digit

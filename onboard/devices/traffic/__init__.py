@@ -1,1 +1,1 @@
-"""What tells of other ships: AIS and radar."""
+"""Traffic sensors: AIS receivers and radar target trackers."""

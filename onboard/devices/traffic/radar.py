@@ -1,4 +1,4 @@
-"""Radar target trackers that send TTM or TLL."""
+"""Radar target trackers (ARPA) that send TTM or TLL."""
 
 from common.clock import whole_us
 from common.framer import Measurement
