@@ -7,6 +7,20 @@ from pathlib import Path
 
 import pytest
 
+from tests.layout.additions import (
+    ANSWERED,
+    ASKED,
+    ASKING,
+    COMMAND,
+    DRIVER,
+    FORMAT,
+    READER,
+    RULE,
+    SCENARIO,
+    SENTENCE,
+    SUBCOMMAND,
+    WATCHER,
+)
 from tests.layout.tree import REPOSITORY, Tree
 
 COPIED = ("common", "onboard", "shore")
@@ -35,36 +49,6 @@ def is_as_named(touched: set[str], named: list[str]) -> bool:
     )
 
 
-DRIVER = '''"""A compass that says only its heading: `H123.4`."""
-
-from common.framer import Measurement
-from common.messages import Heading
-from common.sensors import SensorTable
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
-
-
-class PlainDriver:
-    """One such compass."""
-
-    def __init__(self, table: SensorTable) -> None:
-        self.sensor = table.id
-
-    def claims(self, line: Line) -> bool:
-        return line.data.startswith(b"H")
-
-    def feed(self, line: Line) -> Outcome:
-        try:
-            heading_deg = float(line.data[1:])
-        except ValueError:
-            return Rejected("not-a-number", self.sensor)
-        heading = Heading(sensor=self.sensor, t_ns=line.t_ns, heading_mag_deg=heading_deg)
-        return Accepted(self.sensor, "PLAIN", (heading,))
-
-    def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:
-        return ()
-'''
-
-
 def model_of_sensor(tree: Tree) -> None:
     tree.new("onboard/devices/compass/plain.py", DRIVER)
     registry = "onboard/devices/registry.py"
@@ -79,16 +63,6 @@ def model_of_sensor(tree: Tree) -> None:
     said = tree.on_board("convert", "plain.log", "out.frames", "--config", "boat.toml", "--json")
     assert '"PLAIN": 2' in said
     assert '"not-a-number": 1' in said
-
-
-SENTENCE = """
-
-def _ths(text: Text) -> HeadingReading:
-    return HeadingReading(heading_true_deg=fields.direction(text("heading")))
-
-
-THS: Final[Form[Reading]] = Form(2, 2, _ths, names=("heading", "mode"))
-"""
 
 
 def sentence(tree: Tree) -> None:
@@ -134,23 +108,6 @@ def new_filter(tree: Tree) -> None:
     assert '"ekf-fuzzy"' in replayed(tree, "ekf-fuzzy")
 
 
-RULE = '''"""A measurement noise R that is twice what the boat's file says."""
-
-from dataclasses import dataclass
-
-from shore.navigation.noise.adaptation import BeforeUpdate, Channel, ChannelNoise
-from shore.navigation.numbers import Number
-
-
-@dataclass(frozen=True, slots=True)
-class Doubled(BeforeUpdate):
-    """2 R0."""
-
-    def adapt(self, channel: Channel, noise: ChannelNoise, innovation: Number, prior_variance: Number) -> ChannelNoise:
-        return noise._replace(variance=2.0 * channel.initial_variance)
-'''
-
-
 def noise_rule(tree: Tree) -> None:
     tree.new("shore/navigation/noise/doubled.py", RULE)
     path = "shore/navigation/noise/rules.py"
@@ -159,70 +116,13 @@ def noise_rule(tree: Tree) -> None:
     assert '"doubled"' in replayed(tree, "doubled")
 
 
-FORMAT = '''"""A line of text for each estimate."""
-
-from typing import BinaryIO
-
-from shore.exports.track import Row, Track
-
-
-def write(stream: BinaryIO, track: Track) -> None:
-    """The estimates. Raises OSError."""
-    for item in track.items():
-        if isinstance(item, Row):
-            stream.write(b"here\\n")
-'''
-
-
 def export_format(tree: Tree) -> None:
     tree.new("shore/exports/lines.py", FORMAT)
     row = '    "lines": Format(f"{_HERE}.lines", lambda head: head.startswith(b"here")),\n'
     tree.after("shore/exports/formats.py", "FORMATS:", row)
     assert "lines" in tree.wayfix("export", "--help")
-    log = tree.root / "log.mcap"
-    tree.wayfix("replay", LOG, "--filters", "ukf", "--record", log)
-    tree.wayfix("export", log, "out.lines", "--to", "lines")
+    tree.wayfix("export", LOG, "out.lines", "--to", "lines", "--filter", "raw")
     assert (tree.root / "out.lines").read_text(encoding="ascii").startswith("here\nhere\n")
-
-
-READER = '''"""Lines `place LAT LON`, one a second."""
-
-from collections.abc import Iterator
-
-from common.framer import Measurement
-from common.messages import Fix
-from common.sensors import BoatTable, SensorTable
-from shore.imports.account import Account
-from shore.imports.frames import PORT
-from shore.imports.reader import Lines, Record, Sources
-
-
-class PlacesReader:
-    """Reader of such a file."""
-
-    def __init__(self, lines: Lines) -> None:
-        self.account = Account("lines")
-        self.accounts = (self.account,)
-        self.boat = BoatTable(id="places")
-        self.is_utc = False
-        self.notes: list[str] = []
-        self.sources = Sources()
-        self._lines = lines
-
-    def records(self) -> Iterator[Record]:
-        return (Record(None, line.split()[1:]) for line in self._lines)
-
-    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
-        lat_deg, lon_deg = map(float, record.content)
-        self.account.taken["place"] += 1
-        yield Fix(sensor=self.sources.id_of("gps", ""), t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg)
-
-    def leave_out(self, record: Record, reason: str) -> None:
-        self.account.rejected[reason] += 1
-
-    def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
-        return self.sources.tables(PORT, rates_hz)
-'''
 
 
 def import_kind(tree: Tree) -> None:
@@ -240,24 +140,6 @@ def import_kind(tree: Tree) -> None:
     assert '"usable_fixes": 2' in said
 
 
-COMMAND = '''"""`wayfix size`: how many bytes a log has."""
-
-import argparse
-from pathlib import Path
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """LOG."""
-    parser.add_argument("log", type=Path)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Say it."""
-    print(arguments.log.stat().st_size)
-    return 0
-'''
-
-
 def command_ashore(tree: Tree) -> None:
     tree.new("shore/report/size.py", COMMAND)
     main = "shore/main.py"
@@ -272,26 +154,6 @@ def command_ashore(tree: Tree) -> None:
     assert tree.wayfix("size", LOG) == f"{LOG.stat().st_size}\n"
 
 
-SUBCOMMAND = '''"""`wayfix-onboard lines`: how many lines a recording has."""
-
-import argparse
-from pathlib import Path
-from typing import Any
-
-
-def add_arguments(commands: Any) -> None:
-    """The subcommand."""
-    lines = commands.add_parser("lines", help="count the lines of a recording")
-    lines.add_argument("recording", type=Path)
-    lines.set_defaults(command=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    print(len(arguments.recording.read_bytes().splitlines()))
-    return 0
-'''
-
-
 def command_on_board(tree: Tree) -> None:
     tree.new("onboard/recorded/count.py", SUBCOMMAND)
     call = "    from onboard.recorded.count import add_arguments as add_count\n\n    add_count(commands)\n"
@@ -299,36 +161,6 @@ def command_on_board(tree: Tree) -> None:
     assert "count the lines" in tree.on_board("--help")
     (tree.root / "recording").write_text("$GP\n$GP\n", encoding="ascii")
     assert tree.on_board("lines", "recording") == "2\n"
-
-
-ASKED = """
-        async def sensors(_fields: dict[str, Any]) -> dict[str, Any]:
-            return {"sensors": sorted(self._reopen)}
-"""
-ASKING = '''
-def _sensors(arguments: argparse.Namespace) -> int:
-    """The sensors of the running daemon."""
-    print(*ask(runtime_of(arguments.runtime, os.environ), "sensors", ANSWER_S)["sensors"])
-    return 0
-
-'''
-ANSWERED = """
-import asyncio, threading
-from pathlib import Path
-from onboard.control.commands import Commands
-from onboard.control.socket import Control
-from onboard.main import main
-
-async def run():
-    commands = Commands(dict, {"gps1": print, "imu1": print}, print, lambda: 0)
-    control = Control(Path("."), commands.handlers(), print, lambda: 0)
-    serving = asyncio.create_task(control.run())
-    await control.tried.wait()
-    await asyncio.to_thread(main, ["sensors", "--runtime", "."])
-    serving.cancel()
-
-asyncio.run(run())
-"""
 
 
 def request_to_the_daemon(tree: Tree) -> None:
@@ -340,21 +172,21 @@ def request_to_the_daemon(tree: Tree) -> None:
     assert tree.python("-c", ANSWERED) == "gps1 imu1\n"
 
 
-SCENARIO = """    Scenario(
-        name="there",
-        group=OURS,
-        text="straight to one buoy",
-        mission=Mission(start=(0.0, 0.0), waypoints=((0.0, 60.0),), heading_deg=0.0),
-        phases=(Phase(0.0, CALIBRATED),),
-        assumed=told_right(CALIBRATED),
-    ),
-"""
-
-
 def scenario(tree: Tree) -> None:
     tree.after("common/simulation/scenarios_own.py", "OWN: Final", SCENARIO)
     assert "straight to one buoy" in tree.wayfix("lab", "list")
     tree.python("-c", "from common.simulation.scenarios import scenario_voyage\nscenario_voyage('there', seconds=5.0)")
+
+
+def watcher(tree: Tree) -> None:
+    tree.new("shore/watchers/counter.py", WATCHER)
+    command = "shore/replay/command.py"
+    tree.after(command, "from shore.watchers.log import", "        from shore.watchers.counter import Counter\n")
+    tree.within(command, "watchers: list[Watcher] = [", "watchers: list[Watcher] = [Counter(), ")
+    said = replayed(tree, "ukf")
+    counted = re.search(r"counted (\d+)", said)
+    assert counted is not None
+    assert f'"read": {counted[1]}' in said
 
 
 RECIPES: dict[str, Callable[[Tree], None]] = {
@@ -369,6 +201,7 @@ RECIPES: dict[str, Callable[[Tree], None]] = {
     "A command on board": command_on_board,
     "A request to the running daemon": request_to_the_daemon,
     "A simulated scenario": scenario,
+    "A watcher": watcher,
 }
 
 
