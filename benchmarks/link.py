@@ -30,7 +30,7 @@ from common.clock import boottime_ns
 from common.keys import new_keys
 from common.units import NS_PER_S
 from onboard.link.access import READ, Access
-from shore.link.link import LinkKeys
+from shore.link.transport import LinkKeys
 from tests.link.relay import Relay
 
 CROWD_BYTES: Final = 1_800

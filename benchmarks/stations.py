@@ -20,7 +20,8 @@ from common.codec import decode_frame
 from common.session import Lease
 from common.units import NS_PER_S
 from shore.link.ledger import Ledger
-from shore.link.link import Link, LinkKeys, Wants
+from shore.link.link import Link, Wants
+from shore.link.transport import LinkKeys
 
 RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
 
@@ -84,9 +85,8 @@ class Station(Listener):
         super().__init__(ready)
         self._link = Link(address, keys=keys)
         self._ledger = Ledger()
-        greeting = self._link.connect()
+        greeting = self._link.connect(wants=lambda: Wants(self._ledger.missing()))
         self._ledger.greet(greeting["boot_id"], greeting["next_seq"], [])
-        self._link.wants = lambda: Wants(self._ledger.missing())
 
     @property
     def missing(self) -> int:
@@ -100,7 +100,8 @@ class Station(Listener):
             frame = decode_frame(received.frame)
             if self._ledger.take(frame.boot_id, frame.seq, frame.seq):
                 self._came(frame.seq)
-            self._link.is_urgent = self._ledger.has_hole
+            if self._ledger.has_hole:
+                self._link.ask_soon()
         self._link.close()
 
 

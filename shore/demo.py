@@ -27,7 +27,8 @@ from common.errors import LinkError, WayfixError
 from common.key_list import Entry, with_entry
 from common.keys import new_keys, write_own
 from common.session import MAX_WINDOW
-from shore.link.link import Link, LinkKeys
+from shore.link.link import Link
+from shore.link.transport import LinkKeys
 from shore.live.run import LiveRun, Options, StopFlag, Tally
 from shore.logbook.read import read_log
 from shore.replay.frames import logged_config

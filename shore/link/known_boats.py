@@ -13,7 +13,7 @@ from typing import Final
 from common.errors import WayfixError
 from common.key_list import Entry, entries_of, name_fault, with_entry, without
 from common.keys import TRUSTED, KeyPair, own_keys, raw_key, read_own, write_own
-from shore.link.link import LinkKeys
+from shore.link.transport import LinkKeys
 
 LIST_LIMIT_BYTES: Final = 262_144
 MAX_ADDRESS: Final = 128

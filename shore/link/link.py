@@ -1,7 +1,8 @@
-"""The station's end of the link: one DEALER socket (`common.session`, docs/protocol.md); no other file ashore has one.
+"""The station's session with one board: handshake, lease renewal, reconnect, commands (docs/protocol.md).
 
-The link keeps its lease alive while it is asked for messages, and throws its socket away when the board is silent: the
-next lease, over whatever connection, carries all the board has to know.
+The link keeps its lease alive while it is asked for messages, and replaces its connection when the board is silent: the
+next lease, over whatever connection, carries all the board has to know. Three parts: `machine` decides (states and
+time-outs, its head has the theory), `transport` carries bytes, and `Link` puts messages between the two.
 """
 
 import re
@@ -10,49 +11,28 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-import zmq
-from zmq.utils.monitor import parse_monitor_message
-
 from common import session
 from common.clock import boottime_ns
 from common.errors import CodecError, LinkError, NoAnswerError, WayfixError
 from common.messages import SCHEMA_VERSION
 from common.offset import ClockOffset
 from common.session import BoundedRun, FrameRange, Lease
-from common.units import NS_PER_MS, NS_PER_S
+from common.units import NS_PER_S
+from shore.link.machine import RETRY_NS, LinkMachine, State
+from shore.link.transport import MAX_MESSAGE_BYTES, LinkKeys, Transport, Verdict
+from shore.link.zmq_transport import ZmqTransport
 
 DEFAULT_PORT: Final = 5760
 CONNECT_TIMEOUT_S: Final = 5.0
-WATCHDOG_NS: Final = 1_500 * NS_PER_MS
-"""Nothing heard for this long, not even the answer to a lease: the socket is thrown away."""
-LONGEST_WATCHDOG_NS: Final = 6_000 * NS_PER_MS
-"""Doubled up to this while no socket hears anything: a greeting takes seven round trips, and a far radio needs them."""
-LOST_S: Final = 3.0
-"""... and after this long a person is told."""
-RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
-URGENT_NS: Final = 100 * NS_PER_MS
-HELLO_NS: Final = 500 * NS_PER_MS
+"""For a person who waits at the terminal; `wayfix connect --wait` gives a bad radio longer."""
+LOOK_S: Final = 0.05
+"""Between two looks at what ends a greeting or a command early: a refusal, or Ctrl-C."""
 NO_BOOT: Final = "0"
 """A lease with this is answered by a greeting."""
-BROKEN_GREETINGS: Final = 5
-"""In a row, five a second: a daemon that was stopped amid a greeting breaks one of them."""
 REQUIRED: Final = ("boot_id", "next_seq", "config", "runs")
 """What a station cannot do without in `connected`."""
-MAX_MESSAGE_BYTES: Final = 2 * 2**20
-_REFUSED: Final = zmq.EVENT_HANDSHAKE_FAILED_AUTH
-_BROKEN: Final = zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
-_WATCHED: Final = _REFUSED | _BROKEN | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
 
 _ADDRESS = re.compile(r"(?:tcp://)?(?P<host>\[[0-9a-fA-F:.%\w]+\]|[\w.-]+)(?::(?P<port>\d{1,5}))?")
-
-
-@dataclass(frozen=True, slots=True)
-class LinkKeys:
-    """CURVE keys in Z85: the station's own pair and the boat's public key."""
-
-    public: bytes
-    secret: bytes
-    boat: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,31 +73,32 @@ class Link:
         client: str = "station",
         keys: LinkKeys | None = None,
         window: int = session.WINDOW_BYTES,
+        *,
+        transport: Transport | None = None,
+        now_ns: Callable[[], int] = boottime_ns,
     ) -> None:
-        """keys: None = an open board; window: bytes of frames on their way at once."""
+        """keys: None = an open board; window: bytes of frames on their way at once; transport: None = ZeroMQ.
+
+        now_ns: the clock of all time-outs, and of the offset to the board's clock.
+        """
         self.endpoint = endpoint(address)
-        self.wants: Callable[[], Wants] = Wants
-        """Asked for each lease."""
-        self.is_urgent = False
-        """A lease is worth sending before its time: a hole was found."""
         self.offset = ClockOffset()
         """Of the board's clock to ours, for display."""
         self._client = client
-        self._keys = keys
+        self._has_keys = keys is not None
         self._window = window
         self._session = secrets.token_hex(8)
-        self._context = zmq.Context()
-        self._socket: zmq.Socket[bytes] | None = None
-        self._monitor: zmq.Socket[bytes] | None = None
+        self._transport = ZmqTransport(keys) if transport is None else transport
+        self._now_ns = now_ns
+        self._machine = LinkMachine(now_ns(), window)
         self._boot_id = NO_BOOT
-        self._received_bytes = 0
-        self._told_bytes = 0
-        self._renewed_ns = 0
-        self._broken_greetings = 0
-        self.refusal: str | None = None
-        """Why nobody let us in, since the board was heard last."""
-        self._watchdog_ns = WATCHDOG_NS
-        self._opened_ns = self._heard_ns = boottime_ns()
+        self._wants: Callable[[], Wants] = Wants
+        self._is_stream = False
+
+    @property
+    def refusal(self) -> str | None:
+        """Why nobody lets us in, since the board was heard last."""
+        return None if self._machine.verdict is None else self._error_of(self._machine.verdict).what
 
     def connect(
         self,
@@ -125,28 +106,28 @@ class Link:
         stopped: Callable[[], bool] = lambda: False,
         *,
         stream: bool = False,
+        wants: Callable[[], Wants] = Wants,
     ) -> dict[str, Any]:
         """Say hello, return the `connected` map; raises LinkError when nobody answers in time or the board refuses.
 
-        stream: frames come from the greeting on, none is made between.
+        stream: frames come from the greeting on, none is made between; wants: asked for each lease of the session.
         """
-        self._new_socket()
-        deadline_ns = boottime_ns() + int(timeout_s * NS_PER_S)
-        hello_ns = 0
-        while (now_ns := boottime_ns()) < deadline_ns and not stopped():
-            if now_ns - hello_ns > HELLO_NS and self._say_hello(now_ns, stream=stream):
-                hello_ns = now_ns
-            parts = self._receive_parts(0.05)
-            self._raise_if_refused()
-            if parts is None:
-                continue
-            message = session.unpack(parts[0], MAX_MESSAGE_BYTES)
-            if message["type"] == "connected":
+        self._is_stream, self._wants = stream, wants
+        self._machine.connect(self._now_ns())
+        self._transport.open(self.endpoint)
+        deadline_ns = self._now_ns() + int(timeout_s * NS_PER_S)
+        while (now_ns := self._now_ns()) < deadline_ns and not stopped():
+            self._ask_if_due(now_ns)
+            parts = self._receive_parts(LOOK_S)
+            if (refused := self._refused()) is not None:
+                raise refused
+            message = {} if parts is None else session.unpack(parts[0], MAX_MESSAGE_BYTES)
+            if message.get("type") == "connected":
                 return self._greeted(message)
-            if message["type"] == "error":
-                raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
+            if message.get("type") == "error":
+                raise self._error_in(message)
         cure = "check the address, the Wi-Fi and that wayfix-onboard runs there"
-        if self._keys is not None:
+        if self._has_keys:
             cure += "; if the boat's keys were made anew, pair again (wayfix pair)"
         raise NoAnswerError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
 
@@ -154,34 +135,35 @@ class Link:
         """Ask the board to do something, after `connect`: its answer in words. Raises LinkError."""
         number = secrets.randbits(31) + 1
         self._send("command", id=number, name=name, argument=argument)
-        deadline_ns = boottime_ns() + int(timeout_s * NS_PER_S)
-        while boottime_ns() < deadline_ns:
-            self._raise_if_refused()
-            parts = self._receive_parts(0.05)
+        deadline_ns = self._now_ns() + int(timeout_s * NS_PER_S)
+        while self._now_ns() < deadline_ns:
+            if (refused := self._refused()) is not None:
+                raise refused
+            parts = self._receive_parts(LOOK_S)
             message = {} if parts is None else session.unpack(parts[0], MAX_MESSAGE_BYTES)
             if message.get("type") == "done" and message.get("id") == number:
                 return str(message.get("text"))
             if message.get("type") == "error":
-                raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
+                raise self._error_in(message)
         cure = "look whether it was done (wayfix boat status), then ask again"
         raise LinkError(f"no answer within {timeout_s:g} s", self.endpoint, cure)
 
     def receive(self, timeout_s: float) -> Received | None:
         """The next message, the lease renewed when it is due; None when nothing came.
 
-        Raises LinkError when the board itself refuses; whoever else is found at its address cannot end a session.
+        Raises LinkError when the board itself refuses; another box that is found at its address cannot end a session.
         """
-        now_ns = boottime_ns()
-        due_ns = self._renew_if_due(now_ns)
+        now_ns = self._now_ns()
+        due_ns = self._ask_if_due(now_ns)
         parts = self._receive_parts(min(timeout_s, max(0.0, (due_ns - now_ns) / NS_PER_S)))
         if parts is None:
             self._watch()
             return None
-        self._heard()
+        self._machine.heard(self._now_ns())
         message = session.unpack(parts[0], MAX_MESSAGE_BYTES)
         kind = message["type"]
         if kind == "frame" and len(parts) == 2:
-            self._received_bytes += len(parts[1])
+            self._machine.received_bytes += len(parts[1])
             return Received(frame=parts[1])
         if kind == "alive":
             return self._alive(message)
@@ -191,25 +173,30 @@ class Link:
         if kind == "connected":
             return Received(connected=self._greeted(message))
         if kind == "error":
-            raise LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
+            raise self._error_in(message)
         raise CodecError(f"unexpected {kind} message")
+
+    def ask_soon(self) -> None:
+        """A lease is worth sending before its time: a hole was found."""
+        self._machine.ask_soon()
 
     def move_to(self, address: str) -> None:
         """The boat has another address now; the session goes on there. Raises WayfixError."""
         self.endpoint = endpoint(address)
-        self._new_socket()
+        self._machine.move(self._now_ns())
+        self._transport.open(self.endpoint)
 
     def silent_s(self) -> float | None:
         """Seconds without a word from the board once that is too long, else None."""
-        age_s = (boottime_ns() - self._heard_ns) / NS_PER_S
-        return age_s if age_s > LOST_S else None
+        silent_ns = self._machine.silent_ns(self._now_ns())
+        return None if silent_ns is None else silent_ns / NS_PER_S
 
     def close(self) -> None:
         """Say goodbye and close; safe to call twice."""
-        if self._socket is not None:
+        if self._machine.is_open:
             self._send("bye", session=self._session)
-            self._close_socket(linger_ms=200)
-        self._context.term()
+        self._machine.close()
+        self._transport.close()
 
     def _greeted(self, message: dict[str, Any]) -> dict[str, Any]:
         fault = session.version_fault(message)
@@ -221,116 +208,69 @@ class Link:
         if self._boot_id != str(message["boot_id"]):
             self.offset = ClockOffset()
         self._boot_id = str(message["boot_id"])
-        self._heard()
+        self._machine.heard(self._now_ns())
         return message
 
-    def _heard(self) -> None:
-        self._heard_ns = boottime_ns()
-        self._broken_greetings = 0
-        self._watchdog_ns = WATCHDOG_NS
-        self.refusal = None
-
     def _watch(self) -> None:
-        """Is the socket still good? Asked when nothing waits in it: it may be we who did not look for so long."""
-        try:
-            self._raise_if_refused()
-        except LinkError as error:  # another box has the boat's address for a while, or somebody plays the boat
-            self.refusal = error.what
-        if boottime_ns() - max(self._heard_ns, self._opened_ns) > self._watchdog_ns:
-            if self._heard_ns < self._opened_ns:
-                self._watchdog_ns = min(2 * self._watchdog_ns, LONGEST_WATCHDOG_NS)
-            self._new_socket()
+        """Is the connection still good? Asked when nothing waits in it."""
+        self._refused()
+        if self._machine.watch(self._now_ns()):
+            self._transport.open(self.endpoint)
 
     def _alive(self, message: dict[str, Any]) -> Received | None:
         match message:
             case {"echo_ns": int(echo_ns), "rx_ns": int(rx_ns), "tx_ns": int(tx_ns)}:
-                self.offset.add(echo_ns, rx_ns, tx_ns, self._heard_ns)
+                self.offset.add(echo_ns, rx_ns, tx_ns, self._machine.heard_ns)
         gone = session.frame_ranges(message.get("gone") or [])
         return Received(gone=gone) if gone else None
 
-    def _say_hello(self, now_ns: int, *, stream: bool) -> bool:
+    def _ask_if_due(self, now_ns: int) -> int:
+        """Say hello or renew the lease; returns when that is due next."""
+        due_ns = self._machine.due_ns(now_ns)
+        if due_ns > now_ns:
+            return due_ns
+        if not (self._say_hello(now_ns) if self._machine.state is State.GREETING else self._renew(now_ns)):
+            return now_ns + RETRY_NS
+        self._machine.asked(now_ns)
+        return self._machine.due_ns(now_ns)
+
+    def _say_hello(self, now_ns: int) -> bool:
         versions = {"schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "client": self._client}
-        if not stream:
+        if not self._is_stream:
             return self._send("hello", **versions, session=self._session)
-        lease = Lease(self._session, NO_BOOT, self._window, self._received_bytes, now_ns)
+        lease = Lease(self._session, NO_BOOT, self._window, self._machine.received_bytes, now_ns)
         return self._send("lease", **versions, **lease.as_fields())
 
-    def _renew_if_due(self, now_ns: int) -> int:
-        """Returns when the next lease is due."""
-        wait_ns = URGENT_NS if self.is_urgent else RENEW_NS
-        half_window = self._received_bytes - self._told_bytes >= self._window // 2
-        if now_ns < self._renewed_ns + wait_ns and not half_window:
-            return self._renewed_ns + wait_ns
-        wants = self.wants()
-        lease = Lease(
-            self._session, self._boot_id, self._window, self._received_bytes, now_ns, wants.missing, wants.run
-        )
-        if self._send("lease", client=self._client, **lease.as_fields()):
-            self._renewed_ns, self._told_bytes, self.is_urgent = now_ns, self._received_bytes, False
-            return now_ns + RENEW_NS
-        return now_ns + URGENT_NS
+    def _renew(self, now_ns: int) -> bool:
+        wants, received = self._wants(), self._machine.received_bytes
+        lease = Lease(self._session, self._boot_id, self._window, received, now_ns, wants.missing, wants.run)
+        return self._send("lease", client=self._client, **lease.as_fields())
 
-    def _new_socket(self) -> None:
-        self._close_socket(linger_ms=0)
-        self._socket = self._context.socket(zmq.DEALER)
-        for option, value in (
-            (zmq.LINGER, 0),
-            (zmq.IMMEDIATE, 1),  # nothing is queued for a board that is not there: an old lease is of no use
-            (zmq.IPV6, int("[" in self.endpoint)),
-            (zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES),
-            (zmq.CONNECT_TIMEOUT, 1_000),
-            (zmq.RECONNECT_IVL, 200),
-            (zmq.HEARTBEAT_IVL, session.HEARTBEAT_MS),
-            (zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS),
-        ):
-            self._socket.setsockopt(option, value)
-        if self._keys is not None:
-            self._socket.setsockopt(zmq.CURVE_SERVERKEY, self._keys.boat)
-            self._socket.setsockopt(zmq.CURVE_PUBLICKEY, self._keys.public)
-            self._socket.setsockopt(zmq.CURVE_SECRETKEY, self._keys.secret)
-        self._monitor = self._socket.get_monitor_socket(_WATCHED)
-        self._opened_ns, self._renewed_ns = boottime_ns(), 0
-        try:
-            self._socket.connect(self.endpoint)
-        except zmq.ZMQError as error:
-            cure = "give HOST or HOST:PORT, like 10.0.0.1:5760"
-            raise LinkError(f"not an address ({zmq.strerror(error.errno or 0)})", self.endpoint, cure) from error
+    def _refused(self) -> LinkError | None:
+        """Why somebody at the board's address does not let us in, if there is news of it."""
+        while (verdict := self._transport.verdict()) is not None:
+            if self._machine.judge(verdict):
+                return self._error_of(verdict)
+        return None
 
-    def _close_socket(self, linger_ms: int) -> None:
-        if self._socket is not None:
-            self._socket.disable_monitor()
-            if self._monitor is not None:
-                self._monitor.close(linger=0)
-            self._socket.close(linger=linger_ms)
-            self._socket = self._monitor = None
+    def _error_of(self, verdict: Verdict) -> LinkError:
+        if verdict is Verdict.UNKNOWN_KEY:
+            cure = "pair: wayfix-onboard pair on the board, then wayfix pair here"
+            return LinkError("the boat does not know this station's key", self.endpoint, cure)
+        if not self._has_keys:
+            cure = "pair with it (wayfix pair), or start the daemon with --open"
+            return LinkError("the boat wants a key and this station gave none", self.endpoint, cure)
+        cure = "is it a Wayfix daemon with keys? if its keys were made anew, pair again (wayfix pair)"
+        return LinkError("the boat did not take our greeting", self.endpoint, cure)
 
-    def _raise_if_refused(self) -> None:
-        assert self._monitor is not None
-        while self._monitor.poll(0):
-            kind = parse_monitor_message(self._monitor.recv_multipart())["event"]
-            if kind == _REFUSED:
-                cure = "pair: wayfix-onboard pair on the board, then wayfix pair here"
-                raise LinkError("the boat does not know this station's key", self.endpoint, cure)
-            self._broken_greetings += kind == _BROKEN
-            if kind == _BROKEN and self._broken_greetings < BROKEN_GREETINGS:
-                continue
-            if self._keys is None:
-                cure = "pair with it (wayfix pair), or start the daemon with --open"
-                raise LinkError("the boat wants a key and this station gave none", self.endpoint, cure)
-            cure = "is it a Wayfix daemon with keys? if its keys were made anew, pair again (wayfix pair)"
-            raise LinkError("the boat did not take our greeting", self.endpoint, cure)
+    def _error_in(self, message: dict[str, Any]) -> LinkError:
+        """What an `error` message says."""
+        return LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
 
     def _send(self, kind: str, **fields: Any) -> bool:
-        assert self._socket is not None
-        try:
-            self._socket.send(session.pack(kind, **fields), zmq.NOBLOCK)
-        except zmq.Again:  # nobody there: `connect` and the watchdog tell it
-            return False
-        return True
+        """False = nobody is there: `connect` and the watchdog notice it."""
+        return self._transport.send(session.pack(kind, **fields))
 
     def _receive_parts(self, timeout_s: float) -> list[bytes] | None:
-        assert self._socket is not None
-        if not self._socket.poll(int(timeout_s * 1000)):
-            return None
-        parts = self._socket.recv_multipart()
-        return parts if 1 <= len(parts) <= 2 else None
+        parts = self._transport.receive(timeout_s)
+        return parts if parts is not None and 1 <= len(parts) <= 2 else None

@@ -116,7 +116,7 @@ class LiveRun:
         self._say = say
         self._seeker = seeker
         # What is made while the filters are built comes in its order.
-        self._adopt(link.connect(options.connect_s, stopped, stream=options.frames is None))
+        self._adopt(link.connect(options.connect_s, stopped, stream=options.frames is None, wants=self._wants))
         boat_id, directory = self._start.config.boat.id, options.log_dir
         cursor = Cursor(directory, boat_id, say) if directory is not None and options.frames is None else None
         self._ledger = Ledger() if cursor is None else cursor.ledger
@@ -129,7 +129,6 @@ class LiveRun:
         self._is_over = False
         self._next = (str(self._connected["boot_id"]), int(self._connected["next_seq"]))
         """The next frame of a bounded run."""
-        link.wants = self._wants
         self._greet()
 
     @property
@@ -233,7 +232,8 @@ class LiveRun:
         if not self._ledger.take(frame.boot_id, frame.first, frame.seq):
             self.tally.repeated += 1
             return
-        self._link.is_urgent = self._link.is_urgent or self._ledger.has_hole
+        if self._ledger.has_hole:
+            self._link.ask_soon()
         self.tally.received += 1
         self._next = frame.boot_id, frame.seq + 1
         if self._loss.is_lost:

@@ -49,13 +49,15 @@ class FakeLink:
         self._config = config
         self._items = list(items)
         self._silences = 0
-        self.is_urgent = False
         self.offset = ClockOffset()
-        self.wants: Callable[[], object] = Wants
 
     refusal = None
 
-    def connect(self, *_: object, **_options: object) -> dict[str, Any]:
+    def connect(self, *_: object, wants: Callable[[], object] = Wants, **_options: object) -> dict[str, Any]:
+        self.wants = wants
+        return self.greeting()
+
+    def greeting(self) -> dict[str, Any]:
         boot_id = next((item.boot_id for item in self._items if isinstance(item, Frame)), "")
         config = without_none(asdict(self._config))
         return {"boot_id": boot_id, "next_seq": 0, "config": config, "runs": [[boot_id, 1, 0, 0]]}
@@ -64,7 +66,7 @@ class FakeLink:
         self.wants()
         if self._silences:
             self._silences -= 1
-            return None if self._silences else Received(connected=self.connect())
+            return None if self._silences else Received(connected=self.greeting())
         if not self._items:
             return Received(end={"sent": 0, "reason": "test"})
         item = self._items.pop(0)
@@ -72,6 +74,9 @@ class FakeLink:
             self._config, self._silences = item, SILENCES
             return None
         return Received(frame=encode_frame(item))
+
+    def ask_soon(self) -> None:
+        pass
 
     def silent_s(self) -> float | None:
         return 4.0 if self._silences else None

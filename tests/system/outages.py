@@ -56,14 +56,14 @@ class LightStation(threading.Thread):
     def run(self) -> None:
         link = Link(self.address)
         try:
-            greeting = link.connect()
+            greeting = link.connect(wants=lambda: Wants(missing=self.ledger.missing()))
             self._greet(greeting)
-            link.wants = lambda: Wants(missing=self.ledger.missing())
             while not self.over.is_set():
                 received = link.receive(0.05)
                 if received is not None and received.frame is not None:
                     self._take(received.frame)
-                    link.is_urgent = link.is_urgent or self.ledger.has_hole
+                    if self.ledger.has_hole:
+                        link.ask_soon()
                 self.missing = self.ledger.missing_count
         except (LinkError, AssertionError) as error:
             self.fault = error

@@ -8,7 +8,7 @@ from functools import reduce
 from itertools import pairwise
 from operator import xor
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from common.codec import decode_frame
 from common.messages import Event, Frame, SensorHealth
@@ -62,9 +62,7 @@ class Device:
 class Rig:
     """A daemon, the devices on its ports, and a client that takes its frames: all in the thread of the test."""
 
-    def __init__(
-        self, daemon: Process, devices: dict[str, Device], link: Link, connected: dict[str, Any], clock_rate: float
-    ) -> None:
+    def __init__(self, daemon: Process, devices: dict[str, Device], link: Link, clock_rate: float) -> None:
         self.daemon = daemon
         self.devices = devices
         self.clock_rate = clock_rate
@@ -73,8 +71,8 @@ class Rig:
         self.headings: dict[str, list[float | None]] = {}
         self.health: dict[str, SensorHealth] = {}
         self._link = link
+        connected = link.connect(wants=self._wants)
         self._next = connected["boot_id"], connected["next_seq"]
-        link.wants = self._wants
 
     def _wants(self) -> Wants:
         """Every frame, in order."""
@@ -151,8 +149,7 @@ def rig(
         stack.callback(daemon.end)
         link = Link(daemon.ready()["bind"], window=MAX_WINDOW)
         stack.callback(link.close)
-        connected = link.connect()
-        yield Rig(daemon, devices, link, connected, clock_rate)
+        yield Rig(daemon, devices, link, clock_rate)
 
 
 def speaking(board: Rig) -> int:

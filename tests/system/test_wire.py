@@ -20,7 +20,8 @@ from common.keys import new_keys
 from common.session import Lease
 from onboard.link.access import READ, Access
 from shore.link.known_boats import Boats
-from shore.link.link import CONNECT_TIMEOUT_S, Link, LinkKeys
+from shore.link.link import CONNECT_TIMEOUT_S, Link
+from shore.link.transport import LinkKeys
 from shore.logbook.read import read_log
 from tests.link.relay import Relay
 from tests.system.harness import Process, command, compass_config
