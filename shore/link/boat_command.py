@@ -1,4 +1,4 @@
-"""`wayfix boat`: ask the running daemon of a boat for something. The station's key needs the right `command`."""
+"""`wayfix boat`, remote commands: ask the running daemon of a boat. The station's key needs the right `command`."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""Which boat is meant and where it is: the arguments that commands to a boat share, and what they mean."""
+"""Choice of the boat and its address (discovery, rediscovery): the arguments that commands to a boat share."""
 
 import argparse
 import queue

@@ -1,4 +1,4 @@
-"""Finding the boat when nobody gave an address.
+"""Discovery (mDNS, default gateway, last address): finds the boat where no address was given.
 
 Asked, all at once: where paired boats were last reached; the default gateway (the board is the access point of its own
 Wi-Fi); who announces `_wayfix._tcp` by mDNS. Each address goes to a probe of its own thread, which says whether our

@@ -1,4 +1,4 @@
-"""What the station knows of boats: its own key, and the boats it is paired with.
+"""Key store of the station (trusted hosts): its own key, and the boats it is paired with.
 
 In `~/.config/wayfix` (or $XDG_CONFIG_HOME/wayfix, $WAYFIX_KEYS, --keys DIR): `secret-key`, and `boats` with a line for
 each boat: `KEY ADDRESS BOAT_ID` (`common.key_list`; address `-` = not known).

@@ -1,4 +1,4 @@
-"""Which frames of one boat the station has, and which it still wants. Pure.
+"""Missing-frame ledger (sequence gaps, backfill): which frames of one boat are here, and which are wanted still. Pure.
 
 A station wants every frame made since it first met the boat, of whatever start of the daemon, but for those the boat no
 longer holds.

@@ -18,7 +18,7 @@ from common.messages import SCHEMA_VERSION
 from common.offset import ClockOffset
 from common.session import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_S
-from shore.link.machine import RETRY_NS, LinkMachine, State
+from shore.link.machine import RETRY_NS, LinkMachine, LinkState
 from shore.link.transport import MAX_MESSAGE_BYTES, LinkKeys, Transport, Verdict
 from shore.link.zmq_transport import ZmqTransport
 
@@ -229,7 +229,7 @@ class Link:
         due_ns = self._machine.due_ns(now_ns)
         if due_ns > now_ns:
             return due_ns
-        if not (self._say_hello(now_ns) if self._machine.state is State.GREETING else self._renew(now_ns)):
+        if not (self._say_hello(now_ns) if self._machine.state is LinkState.GREETING else self._renew(now_ns)):
             return now_ns + RETRY_NS
         self._machine.asked(now_ns)
         return self._machine.due_ns(now_ns)

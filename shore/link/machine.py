@@ -1,6 +1,6 @@
 """State machine of the station's link: connection watchdog with back-off, lease renewal, refused handshakes. Pure.
 
-The theory before the code. A link has ONE state (`State`); six things (`Trigger`) move it by one table (`TRANSITIONS`):
+The theory before the code. A link has ONE `LinkState`; six things (`Trigger`) move it, by one table (`TRANSITIONS`):
 
     state     CONNECT   HEARD    QUIET     REFUSED  MOVE      CLOSE
     NEW       GREETING  -        -         -        -         CLOSED     no connection was asked for yet
@@ -56,7 +56,7 @@ BROKEN_GREETINGS: Final = 5
 """In a row, at five a second. The case: a daemon that is stopped amid a handshake breaks one, and is back soon."""
 
 
-class State(Enum):
+class LinkState(Enum):
     """Where a link stands; what each means is in the table above."""
 
     NEW = auto()
@@ -85,18 +85,18 @@ class Trigger(Enum):
 
 
 _WHILE_OPEN: Final = {
-    Trigger.CONNECT: State.GREETING,
-    Trigger.HEARD: State.RUNNING,
-    Trigger.REFUSED: State.REFUSED,
-    Trigger.CLOSE: State.CLOSED,
+    Trigger.CONNECT: LinkState.GREETING,
+    Trigger.HEARD: LinkState.RUNNING,
+    Trigger.REFUSED: LinkState.REFUSED,
+    Trigger.CLOSE: LinkState.CLOSED,
 }
-TRANSITIONS: Final[dict[State, dict[Trigger, State]]] = {
-    State.NEW: {Trigger.CONNECT: State.GREETING, Trigger.CLOSE: State.CLOSED},
-    State.GREETING: {**_WHILE_OPEN, Trigger.QUIET: State.GREETING, Trigger.MOVE: State.GREETING},
-    State.RUNNING: {**_WHILE_OPEN, Trigger.QUIET: State.SILENT, Trigger.MOVE: State.SILENT},
-    State.SILENT: {**_WHILE_OPEN, Trigger.QUIET: State.SILENT, Trigger.MOVE: State.SILENT},
-    State.REFUSED: {**_WHILE_OPEN, Trigger.QUIET: State.REFUSED, Trigger.MOVE: State.REFUSED},
-    State.CLOSED: {Trigger.CLOSE: State.CLOSED},
+TRANSITIONS: Final[dict[LinkState, dict[Trigger, LinkState]]] = {
+    LinkState.NEW: {Trigger.CONNECT: LinkState.GREETING, Trigger.CLOSE: LinkState.CLOSED},
+    LinkState.GREETING: {**_WHILE_OPEN, Trigger.QUIET: LinkState.GREETING, Trigger.MOVE: LinkState.GREETING},
+    LinkState.RUNNING: {**_WHILE_OPEN, Trigger.QUIET: LinkState.SILENT, Trigger.MOVE: LinkState.SILENT},
+    LinkState.SILENT: {**_WHILE_OPEN, Trigger.QUIET: LinkState.SILENT, Trigger.MOVE: LinkState.SILENT},
+    LinkState.REFUSED: {**_WHILE_OPEN, Trigger.QUIET: LinkState.REFUSED, Trigger.MOVE: LinkState.REFUSED},
+    LinkState.CLOSED: {Trigger.CLOSE: LinkState.CLOSED},
 }
 
 
@@ -105,7 +105,7 @@ class LinkMachine:
 
     def __init__(self, now_ns: int, window: int) -> None:
         """Window: bytes of frames that may be on their way at once."""
-        self.state = State.NEW
+        self.state = LinkState.NEW
         self.verdict: Verdict | None = None
         """In REFUSED: how the last handshake failed; else None."""
         self.received_bytes = 0
@@ -126,7 +126,7 @@ class LinkMachine:
     @property
     def is_open(self) -> bool:
         """There is a connection, or one is being made."""
-        return self.state not in (State.NEW, State.CLOSED)
+        return self.state not in (LinkState.NEW, LinkState.CLOSED)
 
     def connect(self, now_ns: int) -> None:
         """A session is wanted: the caller opens a connection."""
@@ -150,7 +150,7 @@ class LinkMachine:
 
     def heard(self, now_ns: int) -> None:
         """A message of the board came."""
-        if self.state is State.GREETING:
+        if self.state is LinkState.GREETING:
             self._asked_ns = None
         self._follow(Trigger.HEARD)
         self.heard_ns = now_ns
@@ -174,7 +174,7 @@ class LinkMachine:
         """When the next `hello` (in GREETING) or lease is due; `now_ns` or before = at once."""
         if self._asked_ns is None:
             return now_ns
-        if self.state is State.GREETING:
+        if self.state is LinkState.GREETING:
             return self._asked_ns + HELLO_NS
         is_half_used = self.received_bytes - self._leased_bytes >= self._half_window
         return now_ns if is_half_used else self._asked_ns + self._pause_ns
@@ -196,7 +196,7 @@ class LinkMachine:
         after = TRANSITIONS[self.state].get(trigger)
         assert after is not None, f"{trigger.name} in {self.state.name}"
         self.state = after
-        if after is not State.REFUSED:
+        if after is not LinkState.REFUSED:
             self.verdict = None
 
     def _opened(self, now_ns: int) -> None:

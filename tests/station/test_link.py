@@ -106,6 +106,17 @@ def test_a_session_leases_at_once_then_four_times_a_second_and_sooner_when_asked
     assert sent(transport, "lease")[-1][1]["missing"] == [["b0", 7, 7]]
 
 
+def test_a_caller_who_waits_long_does_not_make_a_lease_late() -> None:
+    transport = FakeTransport(board)
+    link = link_over(transport)
+    link.connect()
+    transport.answer = nobody
+    for _ in range(5):
+        link.receive(60.0)
+    times_s = [t_s for t_s, _ in sent(transport, "lease")]
+    assert [later - first for first, later in pairwise(times_s)] == pytest.approx([0.25] * (len(times_s) - 1))
+
+
 def test_half_a_window_that_has_come_is_leased_at_once() -> None:
     transport = FakeTransport(board)
     link = link_over(transport, window=4096)
@@ -211,10 +222,12 @@ def joined(played: Board, clock: Clock) -> Iterator[Link]:
     greeting = threading.Thread(target=played.greet)
     greeting.start()
     try:
-        link.connect()
+        try:
+            link.connect()
+        finally:
+            greeting.join()  # one thread at a time has the board's socket
         yield link
     finally:
-        greeting.join()
         link.close()
 
 

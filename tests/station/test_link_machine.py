@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from common.units import NS_PER_MS, NS_PER_S
 from shore.link import machine as theory
-from shore.link.machine import LinkMachine, State, Trigger
+from shore.link.machine import LinkMachine, LinkState, Trigger
 from shore.link.transport import Verdict
 
 WINDOW: Final = 4096
@@ -23,22 +23,22 @@ PULLED: Final[dict[Trigger, Callable[[LinkMachine, int], object]]] = {
     Trigger.MOVE: LinkMachine.move,
     Trigger.CLOSE: lambda link, _: link.close(),
 }
-WAYS: Final[dict[State, tuple[Trigger, ...]]] = {
-    State.NEW: (),
-    State.GREETING: (Trigger.CONNECT,),
-    State.RUNNING: (Trigger.CONNECT, Trigger.HEARD),
-    State.SILENT: (Trigger.CONNECT, Trigger.HEARD, Trigger.MOVE),
-    State.REFUSED: (Trigger.CONNECT, Trigger.HEARD, Trigger.REFUSED),
-    State.CLOSED: (Trigger.CLOSE,),
+WAYS: Final[dict[LinkState, tuple[Trigger, ...]]] = {
+    LinkState.NEW: (),
+    LinkState.GREETING: (Trigger.CONNECT,),
+    LinkState.RUNNING: (Trigger.CONNECT, Trigger.HEARD),
+    LinkState.SILENT: (Trigger.CONNECT, Trigger.HEARD, Trigger.MOVE),
+    LinkState.REFUSED: (Trigger.CONNECT, Trigger.HEARD, Trigger.REFUSED),
+    LinkState.CLOSED: (Trigger.CLOSE,),
 }
 
 
-def written_table() -> list[tuple[State, Trigger, State | None]]:
+def written_table() -> list[tuple[LinkState, Trigger, LinkState | None]]:
     """Cells of the table at the head of the module."""
     rows = [line.split() for line in (theory.__doc__ or "").splitlines() if line.startswith("    ")]
     triggers = [Trigger[name] for name in rows[0][1:]]
     return [
-        (State[row[0]], trigger, None if name == "-" else State[name])
+        (LinkState[row[0]], trigger, None if name == "-" else LinkState[name])
         for row in rows[1:]
         for trigger, name in zip(triggers, row[1:], strict=False)
     ]
@@ -46,7 +46,7 @@ def written_table() -> list[tuple[State, Trigger, State | None]]:
 
 @pytest.mark.parametrize(("state", "trigger", "after"), written_table())
 def test_each_trigger_moves_each_state_as_the_docstring_says(
-    state: State, trigger: Trigger, after: State | None
+    state: LinkState, trigger: Trigger, after: LinkState | None
 ) -> None:
     link = LinkMachine(0, WINDOW)
     for now_ns, step in enumerate(WAYS[state]):
@@ -58,11 +58,11 @@ def test_each_trigger_moves_each_state_as_the_docstring_says(
     else:
         PULLED[trigger](link, 10 * NS_PER_S)
         assert link.state is after
-        assert (link.verdict is not None) == (after is State.REFUSED)
+        assert (link.verdict is not None) == (after is LinkState.REFUSED)
 
 
 def test_the_docstring_has_every_cell() -> None:
-    assert len({(state, trigger) for state, trigger, _ in written_table()}) == len(State) * len(Trigger)
+    assert len({(state, trigger) for state, trigger, _ in written_table()}) == len(LinkState) * len(Trigger)
 
 
 class Session(RuleBasedStateMachine):
@@ -132,8 +132,8 @@ class Session(RuleBasedStateMachine):
 
     @invariant()
     def the_state_is_what_a_bystander_would_say(self) -> None:
-        heard = State.RUNNING if self.word_ns > self.opened_ns else State.SILENT
-        assert self.link.state is (State.REFUSED if self.is_refused else heard)
+        heard = LinkState.RUNNING if self.word_ns > self.opened_ns else LinkState.SILENT
+        assert self.link.state is (LinkState.REFUSED if self.is_refused else heard)
         assert (self.link.verdict is not None) == self.is_refused
 
     @invariant()

@@ -62,12 +62,10 @@ class Board:
 
     endpoint = "tcp://test"
     refusal = None
-    is_urgent = False
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         self._frames = list(frames)
         self.offset = ClockOffset()
-        self.wants: Any = None
 
     def connect(self, *_arguments: Any, **_named: Any) -> dict[str, Any]:
         config = without_none(asdict(BOAT))
@@ -77,6 +75,9 @@ class Board:
         if self._frames:
             return Received(frame=encode_frame(self._frames.pop(0)))
         return Received(end={"sent": 0, "reason": "test"})
+
+    def ask_soon(self) -> None:
+        pass
 
     def silent_s(self) -> None:
         return None
