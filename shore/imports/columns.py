@@ -14,9 +14,9 @@ from common.framer import ImuSample, Measurement
 from common.geodesy import LocalPlane
 from common.messages import Fix, Heading, TurnRate
 from common.sensors import SensorTable
+from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns
 from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
 from shore.imports.account import Account, Rejected
-from shore.imports.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns
 from shore.imports.frames import PORT
 from shore.imports.gpsd import DAY_MS
 from shore.imports.kinds import HEAD_BYTES

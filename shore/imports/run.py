@@ -20,7 +20,7 @@ from common.units import NS_PER_MS, NS_PER_S
 from shore.imports import frames as cut
 from shore.imports import serial_port
 from shore.imports.account import Account
-from shore.imports.column_map import ColumnMap
+from shore.imports.column_map import read_column_map
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
 from shore.imports.kinds import Kind
@@ -73,8 +73,7 @@ def imported(job: Job) -> tuple[bool, Written]:
             case Kind.SIGNALK_LOG:
                 return _from_server_log(job, Path(directory))
             case Kind.TABLE:
-                mapping = read_toml(job.arguments.map, ColumnMap)
-                mapping.check(str(job.arguments.map))
+                mapping = read_column_map(job.arguments.map)
                 return _from_reader(job, lambda progress: ColumnReader(job.source, mapping, progress))
             case Kind.GPSD:
                 return _from_reader(job, lambda progress: GpsdReader(Lines(job.source, progress)))

@@ -12,10 +12,10 @@ from common.codec import encode_frame
 from common.errors import WayfixError
 from common.messages import Fix, Heading, TurnRate
 from common.sensors import BoatTable
+from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
 from common.units import NS_PER_S
 from shore.imports import frames as cut
 from shore.imports.account import Rejected
-from shore.imports.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
 from shore.imports.plan import NO_TIME, Plan
