@@ -10,7 +10,7 @@ from pathlib import Path
 from common.clock import boottime_ns
 from common.errors import WayfixError
 from common.units import NS_PER_S
-from shore.logbook.record import LogWriter
+from shore.logbook.record import LogWriter, new_log
 
 
 class Recorder:
@@ -27,7 +27,7 @@ class Recorder:
         self._syncing: Future[None] | None = None
         self._since_ns = boottime_ns()
         if directory is not None:
-            self._writer = LogWriter(directory, boat_id, time.time_ns())
+            self._writer = new_log(directory, boat_id, time.time_ns())
             self.path = self._writer.path
 
     @property
