@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import Any, Final, Protocol
 
 from common.messages import Fix, Frame, Heading
-from shore.exports.clocks import Clock
+from shore.exports.clocks import BoardClock
 from shore.exports.track import Mark, Row, Track
 
 Values = Sequence[Any]
@@ -98,7 +98,7 @@ def _event(mark: Mark) -> Values:
     ]  # fmt: skip
 
 
-def _measured(clock: Clock, frame: Frame) -> tuple[list[Values], list[Values], list[Values]]:
+def _measured(clock: BoardClock, frame: Frame) -> tuple[list[Values], list[Values], list[Values]]:
     """Rows of fixes, headings and IMU samples."""
 
     def times(t_ns: int) -> tuple[float, int | None, int]:

@@ -193,7 +193,7 @@ def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader
     greeting = cut.greeting_of(config, job.digest, made)
     source = "gnss" if job.kind is Kind.GPSD else "rtc"
     doubt_ns = 100 * NS_PER_MS if source == "gnss" else NS_PER_S
-    clock = cut.Clock(source if is_utc else "none", doubt_ns, plan.shift_of_date_ns)
+    clock = cut.RecordingClock(source if is_utc else "none", doubt_ns, plan.shift_of_date_ns)
     if is_utc and plan.misdated:
         job.notes.append(
             f"the clock was set on the way: {plan.misdated} records bear another date; they keep their intervals, "

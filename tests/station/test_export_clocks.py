@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from common.codec import encode_frame
 from common.messages import Frame
-from shore.exports.clocks import Clock, Clocks
+from shore.exports.clocks import BoardClock, Clocks
 from shore.logbook.record import log_at
 from shore.logbook.session import start_record
 from tests.station.exporting import (
@@ -30,8 +30,8 @@ from tests.station.exporting import (
 )
 
 
-def clock(*frames: Frame) -> Clock:
-    made = Clock(0, 0, 0.0)
+def clock(*frames: Frame) -> BoardClock:
+    made = BoardClock(0, 0, 0.0)
     for frame in frames:
         made.told(frame)
     made.settle()

@@ -99,7 +99,7 @@ def through(first: Reader, second: Reader) -> None:
 
     identity = cut.identity_of(cut.greeting_of(boat, "", {}))
     known = {table.id for table in boat.sensor}
-    for frame in cut.frames_of(placed(), boat, identity, cut.Clock("rtc", 1)):
+    for frame in cut.frames_of(placed(), boat, identity, cut.RecordingClock("rtc", 1)):
         encode_frame(frame)
         assert {one.sensor for name in ("fixes", "headings", "attitudes") for one in getattr(frame, name)} <= known
 
