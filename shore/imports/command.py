@@ -8,7 +8,7 @@ from typing import Any, Final
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from common.whole_file import check_target
-from shore.imports.kinds import Kind, recognise
+from shore.imports.kinds import RecordingKind, recognise
 from shore.imports.run import ImportOptions, Job, imported
 from shore.imports.write import Written
 from shore.logbook.session import trip_record
@@ -49,18 +49,18 @@ def _options(arguments: argparse.Namespace, filters: tuple[str, ...]) -> ImportO
     )
 
 
-def _check_options(arguments: argparse.Namespace, kind: Kind) -> None:
-    serial = kind in (Kind.SERIAL, Kind.SIGNALK_LOG)
-    if kind is Kind.FRAMES and (arguments.config or arguments.lines_per_second):
+def _check_options(arguments: argparse.Namespace, kind: RecordingKind) -> None:
+    serial = kind in (RecordingKind.SERIAL, RecordingKind.SIGNALK_LOG)
+    if kind is RecordingKind.FRAMES and (arguments.config or arguments.lines_per_second):
         raise WayfixError(
             "is a frames file: sensors and times stand in it", str(arguments.recording), "give no options"
         )
     if arguments.port is not None and (not serial or arguments.config is None):
         cure = "give --config BOAT.toml too" if serial else "leave it out"
         raise WayfixError("names a port of a configuration, for serial recordings", "--port", cure)
-    if arguments.vessel is not None and kind not in (Kind.SIGNALK, Kind.SIGNALK_LOG):
+    if arguments.vessel is not None and kind not in (RecordingKind.SIGNALK, RecordingKind.SIGNALK_LOG):
         raise WayfixError("names a vessel of Signal K deltas", "--vessel", "leave it out")
-    if arguments.lines_per_second is not None and kind is Kind.TABLE:
+    if arguments.lines_per_second is not None and kind is RecordingKind.TABLE:
         raise WayfixError("is for recordings without times", "--lines-per-second", "the mapping says where the time is")
 
 

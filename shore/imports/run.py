@@ -22,9 +22,9 @@ from shore.imports.account import Account
 from shore.imports.column_map import read_column_map
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
-from shore.imports.kinds import Kind
+from shore.imports.kinds import RecordingKind
 from shore.imports.plan import NO_TIME, Plan
-from shore.imports.reader import Lines, Reader, digest_of
+from shore.imports.reader import Lines, RecordingReader, digest_of
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.imports.write import LogMaker, Written, utc_offset_ns
 from shore.terminal import say
@@ -60,7 +60,7 @@ class Job:
     source: Path
     out: Path
     options: ImportOptions
-    kind: Kind
+    kind: RecordingKind
     accounts: tuple[Account, ...] = ()
     notes: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
@@ -78,19 +78,19 @@ def imported(job: Job) -> tuple[bool, Written]:
     """Do it; False = nothing could be used, and no log was written. Raises WayfixError."""
     with tempfile.TemporaryDirectory(prefix="wayfix-import-") as directory:
         match job.kind:
-            case Kind.FRAMES:
+            case RecordingKind.FRAMES:
                 return _from_frames_file(job, job.source)
-            case Kind.SERIAL:
+            case RecordingKind.SERIAL:
                 return _from_serial(job, job.source, Path(directory) / "frames", None)
-            case Kind.SIGNALK_LOG:
+            case RecordingKind.SIGNALK_LOG:
                 return _from_server_log(job, Path(directory))
-            case Kind.TABLE:
+            case RecordingKind.TABLE:
                 assert job.options.map is not None
                 mapping = read_column_map(job.options.map)
                 return _from_reader(job, lambda progress: ColumnReader(job.source, mapping, progress))
-            case Kind.GPSD:
+            case RecordingKind.GPSD:
                 return _from_reader(job, lambda progress: GpsdReader(Lines(job.source, progress)))
-            case Kind.SIGNALK:
+            case RecordingKind.SIGNALK:
                 return _from_deltas(job)
 
 
@@ -164,14 +164,14 @@ def _from_frames_file(
             if file.cut is not None:
                 job.notes.append(f"the file is {file.cut}")
 
-        if job.kind is Kind.FRAMES:
+        if job.kind is RecordingKind.FRAMES:
             job.accounts = (account,)
         maker = LogMaker(file.greeting, job.options.filters, offset_ns)
         done = maker.write(job.out, _shown(taken(), "filtering", count), job.options.trip, job.record)
     return done, maker.written
 
 
-def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader]) -> tuple[bool, Written]:
+def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], RecordingReader]) -> tuple[bool, Written]:
     """Two passes: what is in it and when, then the frames."""
     job.digest = digest_of(job.source)
     size = job.source.stat().st_size
@@ -191,7 +191,7 @@ def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader
     is_utc = first.is_utc and plan.timed
     made = {"kind": str(job.kind), "clock": "utc" if is_utc else "from-zero"}
     greeting = cut.greeting_of(config, job.digest, made)
-    source = "gnss" if job.kind is Kind.GPSD else "rtc"
+    source = "gnss" if job.kind is RecordingKind.GPSD else "rtc"
     doubt_ns = 100 * NS_PER_MS if source == "gnss" else NS_PER_S
     clock = cut.RecordingClock(source if is_utc else "none", doubt_ns, plan.shift_of_date_ns)
     if is_utc and plan.misdated:
@@ -212,14 +212,14 @@ def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader
     return done, maker.written
 
 
-def _first_pass(reader: Reader, times: "array[int]") -> Iterator[cut.Placed]:
+def _first_pass(reader: RecordingReader, times: "array[int]") -> Iterator[cut.Placed]:
     for record in reader.records():
         times.append(NO_TIME if record.t_ns is None else record.t_ns)
         for measurement in reader.measure(record, record.t_ns or 0):
             yield cut.Placed(measurement, 0, 0)
 
 
-def _second_pass(reader: Reader, plan: Plan) -> Iterator[cut.Placed]:
+def _second_pass(reader: RecordingReader, plan: Plan) -> Iterator[cut.Placed]:
     for number, record in enumerate(reader.records()):
         t_ns = plan.at(number)
         if t_ns is None:

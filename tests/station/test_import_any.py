@@ -19,7 +19,7 @@ from shore.imports.account import Rejected
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
 from shore.imports.plan import NO_TIME, Plan
-from shore.imports.reader import Lines, Reader
+from shore.imports.reader import Lines, RecordingReader
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.imports.values import utc_ns_of
 from tests.station.imports import ISO, T0, iso, tpv
@@ -77,7 +77,7 @@ class Given(Lines):
         return iter(self._given)
 
 
-def through(first: Reader, second: Reader) -> None:
+def through(first: RecordingReader, second: RecordingReader) -> None:
     """A whole import up to the frames' bytes: the codec refuses every value that is out of its range."""
     times, config = array("q"), []
     for record in first.records():
