@@ -12,7 +12,7 @@ from common.whole_file import check_target, whole_file
 from shore.exports.formats import FORMATS, HEAD, Format
 from shore.exports.survey import Survey, survey_of
 from shore.exports.table import NAMES
-from shore.exports.track import RAW, Track
+from shore.exports.track import RAW, ExportTrack
 from shore.logbook.read import LogReader, read_log
 from shore.navigation.timeline import HORIZON_S
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
@@ -47,7 +47,7 @@ def _export(arguments: argparse.Namespace, kind: Format, reader: LogReader, targ
     with _progress("reading") as shown:
         survey = survey_of(reader, shown)
     name = _chosen(arguments, survey)
-    track = Track(reader, survey, name, arguments.order, arguments.every)
+    track = ExportTrack(reader, survey, name, arguments.order, arguments.every)
     total_s = survey.clocks.newest_s
     with _progress("writing", total_s) as track.shown:
         rows = _write(kind, target, track)
@@ -65,7 +65,7 @@ class _Nothing(Exception):  # noqa: N818 - not an error: leaves no file behind
     """No row came."""
 
 
-def _write(kind: Format, target: Target, track: Track) -> int:
+def _write(kind: Format, target: Target, track: ExportTrack) -> int:
     """All files or none; how many rows. Raises WayfixError when they cannot be written."""
     is_new = "" not in target.files and not target.out.exists()
     try:
@@ -88,7 +88,7 @@ def _write(kind: Format, target: Target, track: Track) -> int:
     return track.rows
 
 
-def _fill(kind: Format, streams: dict[str, BinaryIO], track: Track) -> None:
+def _fill(kind: Format, streams: dict[str, BinaryIO], track: ExportTrack) -> None:
     """Raises _Nothing when no row came."""
     if "" in streams:
         kind.writer().write(streams[""], track)
@@ -147,7 +147,7 @@ def _chosen(arguments: argparse.Namespace, survey: Survey) -> str:
     return name
 
 
-def _say_what(arguments: argparse.Namespace, track: Track) -> None:
+def _say_what(arguments: argparse.Namespace, track: ExportTrack) -> None:
     """What the rows are, and what is wanting."""
     survey, clocks = track.survey, track.survey.clocks
     what = f"fixes of {track.gps or 'the first GPS'}" if track.filter == RAW else f"estimates of {track.filter}"
@@ -170,7 +170,7 @@ def _say_what(arguments: argparse.Namespace, track: Track) -> None:
         tell(f"{track.rows} points make many programs slow; --every 1 gives one a second")
 
 
-def _summary(arguments: argparse.Namespace, track: Track, target: Target) -> dict[str, Any]:
+def _summary(arguments: argparse.Namespace, track: ExportTrack, target: Target) -> dict[str, Any]:
     return {
         "out": arguments.out,
         "to": arguments.to,

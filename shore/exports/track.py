@@ -93,7 +93,7 @@ class _Found(NamedTuple):
     data: bytes | None = None
 
 
-class Track:
+class ExportTrack:
     """One filter (or `raw`) of one log; every call of `items` reads the log once."""
 
     def __init__(self, reader: LogReader, survey: Survey, name: str, order: str, every_s: float | None) -> None:

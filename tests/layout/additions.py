@@ -58,10 +58,10 @@ FORMAT = '''"""A line of text for each estimate."""
 
 from typing import BinaryIO
 
-from shore.exports.track import Row, Track
+from shore.exports.track import ExportTrack, Row
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """The estimates. Raises OSError."""
     for item in track.items():
         if isinstance(item, Row):
