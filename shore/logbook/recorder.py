@@ -13,7 +13,7 @@ from common.units import NS_PER_S
 from shore.logbook.record import LogWriter, new_log
 
 
-class Recorder:
+class LogRecorder:
     """Writes at once, puts it on the disk beside the run. Without a directory it takes everything and keeps nothing."""
 
     def __init__(self, directory: Path | None, boat_id: str, say: Callable[[str], None]) -> None:

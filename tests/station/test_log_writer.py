@@ -16,7 +16,7 @@ from common.simulation.scenarios import scenario_voyage
 from shore.logbook import foxglove
 from shore.logbook.lock import is_being_written
 from shore.logbook.record import LogWriter, log_at, new_log
-from shore.logbook.recorder import Recorder
+from shore.logbook.recorder import LogRecorder
 from shore.logbook.session import start_record, trip_record
 from shore.pipeline import Pipeline
 from tests.offline import config_of, frames_of, pushed
@@ -173,7 +173,7 @@ def test_a_full_disk_names_the_log_and_promises_no_part_of_it(tmp_path: Path, mo
 
 def test_the_run_goes_on_without_a_log_and_knows_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    recorder = Recorder(tmp_path, "springer", said.append)
+    recorder = LogRecorder(tmp_path, "springer", said.append)
     recorder.write(LogWriter.sync)
     assert recorder.fault is None
 
@@ -192,7 +192,7 @@ def test_the_run_goes_on_without_a_log_and_knows_why(tmp_path: Path, monkeypatch
 def test_a_slow_disk_delays_nothing_and_the_cursor_waits_for_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    recorder, is_free, done = Recorder(tmp_path, "springer", print), Event(), list[str]()
+    recorder, is_free, done = LogRecorder(tmp_path, "springer", print), Event(), list[str]()
     monkeypatch.setattr("os.fsync", lambda _descriptor: is_free.wait(20.0))
     recorder.sync(lambda: done.append("first"))
     recorder.sync(lambda: done.append("left out: the disk is busy"))
@@ -209,7 +209,7 @@ def test_a_sync_that_fails_beside_the_run_ends_the_log_and_moves_no_cursor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said: list[str] = []
-    recorder = Recorder(tmp_path, "springer", said.append)
+    recorder = LogRecorder(tmp_path, "springer", said.append)
 
     def full(_descriptor: int) -> None:
         raise OSError(28, "No space left on device")
