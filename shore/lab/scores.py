@@ -10,7 +10,7 @@ from shore.lab.batch import Outcome
 from shore.lab.campaign import RAW, Result
 from shore.lab.methods import METHODS
 from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
-from shore.lab.statistics import COMPONENTS, Estimated, mean_of, oddness, ratio_of
+from shore.lab.statistics import COMPONENTS, IntervalEstimate, mean_of, oddness, ratio_of
 from shore.navigation.numbers import Array
 
 WHOLE: Final = "whole"
@@ -25,10 +25,10 @@ LEAST_RUNS_FOR_Z: Final = 10
 class MethodScore:
     """One method on one scenario; tuples are east, north, heading in the units of `COMPONENTS`."""
 
-    mse: tuple[Estimated, ...]
+    mse: tuple[IntervalEstimate, ...]
     sd: tuple[float, ...]
     """Of one run."""
-    ratio: tuple[Estimated, ...]
+    ratio: tuple[IntervalEstimate, ...]
     """Mean MSE / mean MSE of the reference, same runs."""
     to_bound: tuple[float, ...]
     """NaN for a method that is told the biases which the bound's filter has to find."""
