@@ -1,6 +1,6 @@
 """One source of rows for every format: the estimates of one filter in order of boat time, and the events among them.
 
-    track = Track(reader, survey, "fuzzy", order="recorded", every_s=None)
+    track = ExportTrack(reader, survey, "fuzzy", order="recorded", every_s=None)
     for item in track.items(): ...              # Row or Mark; nothing of it is kept
 
 `recorded` gives what was published live; `time` runs the filter again over the frames in order of boat time.
