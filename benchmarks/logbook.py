@@ -29,7 +29,7 @@ from common.settings import as_dict
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
 from common.units import NS_PER_MS, NS_PER_S
-from shore.logbook.record import LogWriter
+from shore.logbook.record import log_at
 from shore.logbook.session import start_record
 from shore.pipeline import Pipeline
 from tests import offline
@@ -118,7 +118,7 @@ def moved_frame(frame: Frame, shift_ns: int, sequence: int, there: tuple[float, 
 
 def write_log(path: Path, config: BoatConfig, steps: Iterable[Step]) -> int:
     """How many estimates are in it."""
-    writer, rows, synced_ns = LogWriter.at(path), 0, 0
+    writer, rows, synced_ns = log_at(path), 0, 0
     options = {"filters": [FILTER], "step_s": None}
     writer.write_session(start_record({"config": as_dict(config)}, options, UTC_NS), UTC_NS)
     for frame, records in steps:

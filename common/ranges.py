@@ -31,3 +31,17 @@ class MaxLength:
     """The most characters (text) or entries (list) a field may hold."""
 
     count: int
+
+
+@dataclass(frozen=True, slots=True)
+class OnlyFor:
+    """A key of one use of a settings file that several programs read; in every other use it is unknown."""
+
+    use: str
+
+
+@dataclass(frozen=True, slots=True)
+class NeededFor:
+    """A key that one use of a settings file cannot do without; every other use takes its default."""
+
+    use: str

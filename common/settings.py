@@ -18,15 +18,18 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from common.errors import SettingsError
-from common.ranges import MaxLength, OneOf, Range
+from common.ranges import MaxLength, NeededFor, OneOf, OnlyFor, Range
 
 T = TypeVar("T")
 
 _TYPE_WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
 
 
-def read_toml(path: str | Path, table: type[T]) -> T:
-    """Read a TOML file into the frozen dataclass `table`; raises SettingsError with every fault found."""
+def read_toml(path: str | Path, table: type[T], use: str | None = None) -> T:
+    """Read a TOML file into the frozen dataclass `table`; raises SettingsError with every fault found.
+
+    use: of a file that several programs read, see `OnlyFor` and `NeededFor` of `common.ranges`.
+    """
     file = str(path)
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
@@ -34,16 +37,18 @@ def read_toml(path: str | Path, table: type[T]) -> T:
         raise SettingsError(file, [f"cannot be read ({error.strerror})"], "give the path of a readable file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(file, [f"is not valid TOML: {error}"]) from error
-    return convert(data, table, file)
+    return convert(data, table, file, use=use)
 
 
-def convert(data: Mapping[str, Any], table: type[T], file: str = "settings", *, strict: bool = True) -> T:
+def convert(
+    data: Mapping[str, Any], table: type[T], file: str = "settings", *, strict: bool = True, use: str | None = None
+) -> T:
     """Turn nested dicts (TOML, or the wire's config map) into `table`; raises SettingsError with every fault found.
 
     Not strict: unknown keys are passed over, as a newer board or log may have them.
     """
     faults: list[str] = []
-    value = _table(data if strict else _known(data, table), table, "", faults)
+    value = _table(data if strict else _known(data, table), table, "", faults, use)
     if faults:
         raise SettingsError(file, faults)
     return typing.cast("T", value)
@@ -71,11 +76,11 @@ def as_dict(value: Any) -> Any:
     return value
 
 
-def _table(data: Any, table: type, where: str, faults: list[str]) -> Any:
+def _table(data: Any, table: type, where: str, faults: list[str], use: str | None) -> Any:
     if not isinstance(data, Mapping):
         faults.append(f"{where or 'top level'}: must be a table")
         return None
-    hints = typing.get_type_hints(table, include_extras=True)
+    hints = _hints(table, use)
     for key in data:
         if key not in hints:
             near = get_close_matches(str(key), hints, 1)
@@ -83,26 +88,41 @@ def _table(data: Any, table: type, where: str, faults: list[str]) -> Any:
             faults.append(f"{_join(where, key)}: unknown key{hint}")
     values = {}
     for field in dataclasses.fields(table):
+        if field.name not in hints:
+            continue
+        hint = hints[field.name]
+        required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if field.name in data:
-            values[field.name] = _value(data[field.name], hints[field.name], _join(where, field.name), faults)
-        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            values[field.name] = _value(data[field.name], hint, _join(where, field.name), faults, use)
+        elif required or use in _uses(hint, NeededFor):
             faults.append(f"{_join(where, field.name)}: missing")
     if faults:
         return None
     return table(**values)
 
 
-def _value(value: Any, hint: Any, where: str, faults: list[str]) -> Any:
+def _hints(table: type, use: str | None) -> dict[str, Any]:
+    """The keys that `use` knows, and their types."""
+    hints = typing.get_type_hints(table, include_extras=True)
+    return {name: hint for name, hint in hints.items() if all(only == use for only in _uses(hint, OnlyFor))}
+
+
+def _uses(hint: Any, mark: type[OnlyFor | NeededFor]) -> list[str]:
+    bounds = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+    return [bound.use for bound in bounds if isinstance(bound, mark)]
+
+
+def _value(value: Any, hint: Any, where: str, faults: list[str], use: str | None) -> Any:
     bounds: tuple[Any, ...] = ()
     if get_origin(hint) is Annotated:
         hint, *rest = get_args(hint)
         bounds = tuple(rest)
     if get_origin(hint) in (typing.Union, types.UnionType):
-        return _value(value, next(arm for arm in get_args(hint) if arm is not type(None)), where, faults)
+        return _value(value, next(arm for arm in get_args(hint) if arm is not type(None)), where, faults, use)
     if get_origin(hint) is tuple:
-        return _list(value, get_args(hint)[0], where, faults)
+        return _list(value, get_args(hint)[0], where, faults, use)
     if dataclasses.is_dataclass(hint):
-        return _table(value, typing.cast("type", hint), where, faults)
+        return _table(value, typing.cast("type", hint), where, faults, use)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):
@@ -114,7 +134,7 @@ def _value(value: Any, hint: Any, where: str, faults: list[str]) -> Any:
     return value
 
 
-def _list(value: Any, item_hint: Any, where: str, faults: list[str]) -> tuple[Any, ...]:
+def _list(value: Any, item_hint: Any, where: str, faults: list[str], use: str | None) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple):
         faults.append(f"{where}: must be a list, got {value!r}")
         return ()
@@ -122,7 +142,7 @@ def _list(value: Any, item_hint: Any, where: str, faults: list[str]) -> tuple[An
     for number, item in enumerate(value, 1):
         # Each entry is checked apart, so that one broken sensor does not hide the faults of the next.
         inner: list[str] = []
-        items.append(_value(item, item_hint, _entry(where, item, number), inner))
+        items.append(_value(item, item_hint, _entry(where, item, number), inner, use))
         faults.extend(inner)
     return tuple(items)
 

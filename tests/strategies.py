@@ -122,6 +122,11 @@ def frame_of(*entries: Any, **fields: Any) -> Frame:
     return Frame(**{**base, "t0_ns": 1_000_000_000, "t1_ns": 1_100_000_000, **lists, **fields})
 
 
+def numbered_frame(seq: int, *entries: Any, period_ns: int = 100_000_000, **fields: Any) -> Frame:
+    """The frame of that number, counted from boat time 0 on in steps of the period."""
+    return frame_of(*entries, **{"seq": seq, "t0_ns": seq * period_ns, "t1_ns": (seq + 1) * period_ns, **fields})
+
+
 FIX = Fix(sensor="gps1", t_ns=1_000_000_000, lat_deg=50.0, lon_deg=-4.0)
 BLOCK = ImuBlock(
     sensor="imu1", t_ns=1_000_000_000, offset_us=(0, 50_000), accel_fwd_m_s2=(0.5, 0.25),

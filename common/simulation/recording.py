@@ -18,22 +18,37 @@ import numpy as np
 from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.settings import read_toml
+from common.simulation.column_map import (
+    VOYAGE,
+    ColumnMap,
+    FixColumns,
+    HeadingColumns,
+    ImuColumns,
+    ReferenceColumns,
+    TimeColumn,
+)
 from common.simulation.motion import Truth
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, Reading, Timed
-from common.simulation.recording_map import RecordingMap, ReferenceColumns, TimeColumn
 from common.simulation.sensors import generators
 from common.simulation.voyage import Voyage
 
 Row = dict[str, float | None]
+Parts = tuple[FixColumns, HeadingColumns, ImuColumns]
 
 
 def recording_voyage(file: str | Path, map_file: str | Path, seed: int = 1, seconds: float | None = None) -> Voyage:
     """Read a recording; raises WayfixError for missing files or columns and for text where a number belongs."""
-    mapping = read_toml(map_file, RecordingMap)
+    mapping = read_toml(map_file, ColumnMap, VOYAGE)
+    fix, heading, imu, reference = mapping.fix, mapping.heading, mapping.imu, mapping.reference
+    assert fix is not None
+    assert heading is not None
+    assert imu is not None
+    assert reference is not None
     skipped: Counter[str] = Counter()
-    rows = _with_time(_rows(Path(file), mapping), mapping.time, seconds, skipped)
-    truth, plane = _truth(rows, mapping.reference, skipped, str(file))
-    readings = sorted(_streams(rows, mapping, plane, seed, skipped), key=lambda timed: timed.t_s)
+    columns = tuple(dict.fromkeys((*mapping.columns, *reference.columns)))
+    rows = _with_time(_rows(Path(file), columns), mapping.time, seconds, skipped)
+    truth, plane = _truth(rows, reference, skipped, str(file))
+    readings = sorted(_streams(rows, (fix, heading, imu), plane, seed, skipped), key=lambda timed: timed.t_s)
     return Voyage(
         name=Path(file).stem,
         boat=mapping.boat,
@@ -41,23 +56,23 @@ def recording_voyage(file: str | Path, map_file: str | Path, seed: int = 1, seco
         truth=truth,
         readings=tuple(readings),
         facts=mapping.facts,
-        rates=Rates(gps_hz=mapping.fix.rate_hz, compass_hz=mapping.heading.rate_hz, imu_hz=mapping.imu.rate_hz),
+        rates=Rates(gps_hz=fix.rate_hz, compass_hz=heading.rate_hz, imu_hz=imu.rate_hz),
         skipped=dict(skipped),
     )
 
 
-def _rows(file: Path, mapping: RecordingMap) -> list[Row]:
+def _rows(file: Path, columns: tuple[str, ...]) -> list[Row]:
     """The mapped columns of every row; an empty field (or `nan`) is `None`."""
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.DictReader(stream)
-            missing = [name for name in mapping.columns if name not in (reader.fieldnames or ())]
+            missing = [name for name in columns if name not in (reader.fieldnames or ())]
             if missing:
                 known = ", ".join(reader.fieldnames or ())
                 cure = f"correct the mapping; the file has: {known}"
-                raise WayfixError(f"has no column {', '.join(dict.fromkeys(missing))}", str(file), cure)
+                raise WayfixError(f"has no column {', '.join(missing)}", str(file), cure)
             return [
-                {name: _number(row[name], name, f"{file}: line {reader.line_num}") for name in mapping.columns}
+                {name: _number(row[name], name, f"{file}: line {reader.line_num}") for name in columns}
                 for row in reader
             ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -106,8 +121,7 @@ def _complete(
 def _truth(
     rows: list[tuple[float, Row]], ref: ReferenceColumns, skipped: Counter[str], file: str
 ) -> tuple[Truth, LocalPlane]:
-    names = (ref.lat, ref.lon, ref.heading, ref.v_fwd, ref.v_stb)
-    complete = list(_complete(rows, names, "reference", skipped))
+    complete = list(_complete(rows, ref.columns, "reference", skipped))
     if len(complete) < 2:
         raise WayfixError("has fewer than two rows with a whole reference", file, "look at [reference] of the mapping")
     plane = LocalPlane(complete[0][1][0], complete[0][1][1])
@@ -123,11 +137,11 @@ def _truth(
 
 
 def _streams(
-    rows: list[tuple[float, Row]], mapping: RecordingMap, plane: LocalPlane, seed: int, skipped: Counter[str]
+    rows: list[tuple[float, Row]], parts: Parts, plane: LocalPlane, seed: int, skipped: Counter[str]
 ) -> Iterator[Timed]:
     draw = generators(seed)
     step_s = median(b[0] - a[0] for a, b in pairwise(rows))
-    fix, heading, imu = mapping.fix, mapping.heading, mapping.imu
+    fix, heading, imu = parts
 
     def as_fix(values: list[float]) -> Reading:
         east, north = plane.to_east_north_m(*values)
@@ -142,9 +156,9 @@ def _streams(
         return ImuReading(values[0] * imu.accel_scale, values[1] * imu.accel_scale, values[2] * imu.yaw_rate_scale)
 
     for sensor, what, names, rate_hz, convert in (
-        ("gps1", "fix", (fix.lat, fix.lon), fix.rate_hz, as_fix),
-        ("compass1", "heading", (heading.column,), heading.rate_hz, as_heading),
-        ("imu1", "imu", (imu.accel_fwd, imu.accel_stb, imu.yaw_rate), imu.rate_hz, as_imu),
+        ("gps1", "fix", fix.columns, fix.rate_hz, as_fix),
+        ("compass1", "heading", heading.columns, heading.rate_hz, as_heading),
+        ("imu1", "imu", imu.columns, imu.rate_hz, as_imu),
     ):
         complete = _complete(rows, names, what, skipped)
         for t_s, values in _sub_sampled(complete, rate_hz, step_s):

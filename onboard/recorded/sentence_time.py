@@ -35,7 +35,7 @@ BITS_PER_BYTE: Final = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class RecordingGap:
     """The recording was interrupted."""
 
     line: int
@@ -51,7 +51,7 @@ class Schedule:
     """For each line, nanoseconds after the first one; never decreasing."""
     first_tod_ms: int | None = None
     """UTC time of day of the first line; `None` = no time can be found in the recording, and `at_ns` is all 0."""
-    gaps: tuple[Gap, ...] = ()
+    gaps: tuple[RecordingGap, ...] = ()
 
 
 Anchor = tuple[int, int]
@@ -183,7 +183,7 @@ def tod_step_ms(before_ms: int, after_ms: int) -> int:
     return (after_ms - before_ms + DAY_MS // 2) % DAY_MS - DAY_MS // 2
 
 
-def _spread(anchors: list[Anchor], count: int, longest_ms: int) -> tuple[list[int], tuple[Gap, ...]]:
+def _spread(anchors: list[Anchor], count: int, longest_ms: int) -> tuple[list[int], tuple[RecordingGap, ...]]:
     """Nanoseconds for each of `count` lines, in time order (the first may be negative), and the gaps."""
     parts = list(pairwise(anchors))
     apart = [((b[1] - a[1]) * NS_PER_MS / (b[0] - a[0]), b[1] - a[1]) for a, b in parts]
@@ -194,7 +194,7 @@ def _spread(anchors: list[Anchor], count: int, longest_ms: int) -> tuple[list[in
     for (a, b), (line_ns, step_ms) in zip(parts, apart, strict=True):
         if step_ms > longest_ms and line_ns > 2 * usual_ns:
             pace_ns = usual_ns
-            gaps.append(Gap(b[0], step_ms / 1000 - (b[0] - 1 - a[0]) * usual_ns / NS_PER_S))
+            gaps.append(RecordingGap(b[0], step_ms / 1000 - (b[0] - 1 - a[0]) * usual_ns / NS_PER_S))
         else:
             pace_ns = line_ns
         for line in range(a[0], b[0]):

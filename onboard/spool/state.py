@@ -14,7 +14,7 @@ QUEUE_BYTES: Final = 8 << 20
 BATCH_BYTES: Final = 1 << 20
 
 
-class State:
+class SpoolState:
     """Everything here is touched with `condition` held; `shelf` may be read without, it is replaced as a whole."""
 
     def __init__(self) -> None:

@@ -14,7 +14,7 @@ from common.sensors import SpoolTable
 from onboard.spool.disk import Disk
 from onboard.spool.memory import Batch, Gathering
 from onboard.spool.shelf import Run, Shelf, read_from
-from onboard.spool.state import State
+from onboard.spool.state import SpoolState
 from onboard.spool.writer import Writer
 
 
@@ -39,7 +39,7 @@ class Spool:
         self._identity = identity
         self._tell = tell
         self._now_ns = now_ns
-        self._state = State()
+        self._state = SpoolState()
         self._directory = directory
         self._thread: threading.Thread | None = None
         if directory is not None:

@@ -24,7 +24,7 @@ from onboard.spool.format import (
 )
 from onboard.spool.memory import Item
 from onboard.spool.shelf import Segment, recovered, segments_in
-from onboard.spool.state import State
+from onboard.spool.state import SpoolState
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ class Writer:
         directory: Path,
         identity: Identity,
         table: SpoolTable,
-        state: State,
+        state: SpoolState,
         *,
         about: Mapping[str, Any],
         disk: Disk,

@@ -30,7 +30,7 @@ class _Knot(NamedTuple):
     epoch: int
 
 
-class Clock:
+class BoardClock:
     """One clock of the board: its times can be compared."""
 
     def __init__(self, number: int, first_ns: int, begin_s: float) -> None:
@@ -103,31 +103,31 @@ class Clocks:
         made = ((start or {}).get("connected") or {}).get("file") or {}
         self.has_time_of_day = made.get("clock") == "utc-time-of-day"
         """Boat time less whole days is UTC without its date."""
-        self._of_clock: dict[str, Clock] = {}
-        self._of_boot: dict[str, Clock] = {}
-        self.all: list[Clock] = []
+        self._of_clock: dict[str, BoardClock] = {}
+        self._of_boot: dict[str, BoardClock] = {}
+        self.all: list[BoardClock] = []
         self.newest_s = 0.0
 
-    def of_frame(self, frame: Frame) -> Clock:
+    def of_frame(self, frame: Frame) -> BoardClock:
         """The clock of a frame."""
         clock = self._of_clock.get(frame.clock_id)
         if clock is None:
-            clock = self._of_clock[frame.clock_id] = Clock(len(self.all), frame.t0_ns, self.newest_s)
+            clock = self._of_clock[frame.clock_id] = BoardClock(len(self.all), frame.t0_ns, self.newest_s)
             self.all.append(clock)
         self._of_boot[frame.boot_id] = clock
         return clock
 
-    def of_boot(self, boot_id: str, t_ns: int) -> Clock:
+    def of_boot(self, boot_id: str, t_ns: int) -> BoardClock:
         """The clock of a start of the daemon; the last one for a start no frame told of."""
         return self._of_boot.get(boot_id) or self.any(t_ns)
 
-    def any(self, t_ns: int) -> Clock:
+    def any(self, t_ns: int) -> BoardClock:
         """The last clock; one that begins at `t_ns` where no frame came at all."""
         if not self.all:
-            self.all.append(Clock(0, t_ns, 0.0))
+            self.all.append(BoardClock(0, t_ns, 0.0))
         return self.all[-1]
 
-    def came(self, clock: Clock, t_ns: int, log_time_ns: int) -> None:
+    def came(self, clock: BoardClock, t_ns: int, log_time_ns: int) -> None:
         """A newest frame: its end and its arrival."""
         self.newest_s = max(self.newest_s, clock.seconds(t_ns))
         clock.arrived(t_ns, log_time_ns)

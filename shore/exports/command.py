@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
@@ -12,13 +13,32 @@ from common.whole_file import check_target, whole_file
 from shore.exports.formats import FORMATS, HEAD, Format
 from shore.exports.survey import Survey, survey_of
 from shore.exports.table import NAMES
-from shore.exports.track import RAW, Track
+from shore.exports.track import RAW, ExportTrack
 from shore.logbook.read import LogReader, read_log
 from shore.navigation.timeline import HORIZON_S
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
 
 HEAVY: Final = {"kml": 50_000, "geojson": 200_000, "gpx": 200_000}
 """Points from which on programs that draw such files become slow."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """What an export was asked for."""
+
+    log: str
+    out: str
+    """A file, or a directory for all tables: then it exists, or ends with a slash."""
+    to: str
+    """Of `FORMATS`."""
+    filter: str | None
+    """`None` = the live run's first."""
+    order: str
+    """`recorded` or `time`."""
+    every_s: float | None
+    """One row in so many seconds; `None` = all."""
+    force: bool
+    """Files of our own making may be replaced."""
 
 
 class Target(NamedTuple):
@@ -31,41 +51,51 @@ class Target(NamedTuple):
 
 def run(arguments: argparse.Namespace) -> int:
     """Write OUT. Exit code 1: there is no place in the log."""
-    kind = FORMATS[arguments.to]
-    kind.check(arguments.to)
-    reader = read_log(arguments.log)
-    target = _target(arguments, kind)
+    options = ExportOptions(
+        log=arguments.log,
+        out=arguments.out,
+        to=arguments.to,
+        filter=arguments.filter,
+        order=arguments.order,
+        every_s=arguments.every,
+        force=arguments.force,
+    )
+    kind = FORMATS[options.to]
+    kind.check(options.to)
+    reader = read_log(options.log)
+    target = _target(options, kind)
     try:
         with every_end_is_ctrl_c():
-            return _export(arguments, kind, reader, target)
+            summary = _export(options, kind, reader, target)
     except KeyboardInterrupt:
         say(f"stopped; {target.out} was not written")
         return 0
+    finish(arguments, summary)
+    return 0 if summary["rows"] else 1
 
 
-def _export(arguments: argparse.Namespace, kind: Format, reader: LogReader, target: Target) -> int:
+def _export(options: ExportOptions, kind: Format, reader: LogReader, target: Target) -> dict[str, Any]:
+    """Write, say what was written; the same for `--json`."""
     with _progress("reading") as shown:
         survey = survey_of(reader, shown)
-    name = _chosen(arguments, survey)
-    track = Track(reader, survey, name, arguments.order, arguments.every)
+    name = _chosen(options, survey)
+    track = ExportTrack(reader, survey, name, options.order, options.every_s)
     total_s = survey.clocks.newest_s
     with _progress("writing", total_s) as track.shown:
         rows = _write(kind, target, track)
     if not rows:
         why = f" ({reader.damage})" if reader.damage else ""
-        say(f"{arguments.log}: holds no {'usable fix' if name == RAW else 'estimate'}{why}; nothing was written")
-        finish(arguments, {"out": None, "rows": 0, "events": track.marks})
-        return 1
-    _say_what(arguments, track)
-    finish(arguments, _summary(arguments, track, target))
-    return 0
+        say(f"{options.log}: holds no {'usable fix' if name == RAW else 'estimate'}{why}; nothing was written")
+        return {"out": None, "rows": 0, "events": track.marks}
+    _say_what(options, track)
+    return _summary(options, track, target)
 
 
 class _Nothing(Exception):  # noqa: N818 - not an error: leaves no file behind
     """No row came."""
 
 
-def _write(kind: Format, target: Target, track: Track) -> int:
+def _write(kind: Format, target: Target, track: ExportTrack) -> int:
     """All files or none; how many rows. Raises WayfixError when they cannot be written."""
     is_new = "" not in target.files and not target.out.exists()
     try:
@@ -88,7 +118,7 @@ def _write(kind: Format, target: Target, track: Track) -> int:
     return track.rows
 
 
-def _fill(kind: Format, streams: dict[str, BinaryIO], track: Track) -> None:
+def _fill(kind: Format, streams: dict[str, BinaryIO], track: ExportTrack) -> None:
     """Raises _Nothing when no row came."""
     if "" in streams:
         kind.writer().write(streams[""], track)
@@ -98,11 +128,11 @@ def _fill(kind: Format, streams: dict[str, BinaryIO], track: Track) -> None:
         raise _Nothing
 
 
-def _target(arguments: argparse.Namespace, kind: Format) -> Target:
+def _target(options: ExportOptions, kind: Format) -> Target:
     """Raises WayfixError when OUT is what is read, or something that must not be replaced."""
-    log, out = Path(arguments.log), Path(arguments.out)
-    if kind.is_table and (arguments.out.endswith("/") or out.is_dir()):
-        files = {name: out / f"{name}.{arguments.to}" for name in NAMES}
+    log, out = Path(options.log), Path(options.out)
+    if kind.is_table and (options.out.endswith("/") or out.is_dir()):
+        files = {name: out / f"{name}.{options.to}" for name in NAMES}
         if not out.exists() and not out.absolute().parent.is_dir():
             raise WayfixError("cannot be made (no such directory above it)", str(out), "choose another OUT")
     else:
@@ -112,12 +142,12 @@ def _target(arguments: argparse.Namespace, kind: Format) -> Target:
         if path.exists():
             if "" not in files:
                 check_target(path, [log], "choose another OUT")
-            _check_replaced(path, arguments, kind)
+            _check_replaced(path, options, kind)
     return Target(out, files)
 
 
-def _check_replaced(path: Path, arguments: argparse.Namespace, kind: Format) -> None:
-    if not arguments.force:
+def _check_replaced(path: Path, options: ExportOptions, kind: Format) -> None:
+    if not options.force:
         raise WayfixError("exists already", str(path), "choose another OUT, or add --force")
     try:
         with path.open("rb") as stream:
@@ -125,29 +155,29 @@ def _check_replaced(path: Path, arguments: argparse.Namespace, kind: Format) -> 
     except OSError as error:
         raise WayfixError(f"cannot be looked at ({error.strerror})", str(path), "choose another OUT") from error
     if head and not kind.begins(head):
-        what = f"exists already and is no {arguments.to} file of `wayfix export`"
+        what = f"exists already and is no {options.to} file of `wayfix export`"
         raise WayfixError(what, str(path), "choose another OUT, or remove it first")
 
 
-def _chosen(arguments: argparse.Namespace, survey: Survey) -> str:
+def _chosen(options: ExportOptions, survey: Survey) -> str:
     """The filter. Raises WayfixError for one that cannot be given."""
-    live, asked = survey.live_filters, arguments.filter
+    live, asked = survey.live_filters, options.filter
     if asked is None:
-        if not live and arguments.order == "recorded":
-            say(f"{arguments.log}: holds no estimates, so these are the GPS fixes as they came")
-        return live[0] if live else RAW if arguments.order == "recorded" else "fuzzy"
-    if asked == RAW or (arguments.order == "recorded" and asked in live):
-        return str(asked)
+        if not live and options.order == "recorded":
+            say(f"{options.log}: holds no estimates, so these are the GPS fixes as they came")
+        return live[0] if live else RAW if options.order == "recorded" else "fuzzy"
+    if asked == RAW or (options.order == "recorded" and asked in live):
+        return asked
     (name,) = filters_named(asked)[:1]
-    if arguments.order == "recorded":
+    if options.order == "recorded":
         has = f"has {', '.join(live)}" if live else "has none"
         raise WayfixError(
-            f"no estimates of {name} in {arguments.log}, which {has}", "--filter", "add --order time to run it"
+            f"no estimates of {name} in {options.log}, which {has}", "--filter", "add --order time to run it"
         )
     return name
 
 
-def _say_what(arguments: argparse.Namespace, track: Track) -> None:
+def _say_what(options: ExportOptions, track: ExportTrack) -> None:
     """What the rows are, and what is wanting."""
     survey, clocks = track.survey, track.survey.clocks
     what = f"fixes of {track.gps or 'the first GPS'}" if track.filter == RAW else f"estimates of {track.filter}"
@@ -158,22 +188,22 @@ def _say_what(arguments: argparse.Namespace, track: Track) -> None:
     )
     if track.filter == RAW:
         how = "as they came" if track.order == "recorded" else "in order of boat time"
-    tell(f"{arguments.out}: {track.rows} {what}, {how}; {track.marks} events")
+    tell(f"{options.out}: {track.rows} {what}, {how}; {track.marks} events")
     if survey.late and track.order == "recorded":
         tell(f"{survey.late} frames came more than {HORIZON_S:g} s late; --order time puts them in their place")
     if not clocks.know_utc:
         known = "the time of day, but no date" if clocks.has_time_of_day else "no UTC"
         tell(f"the log knows {known}: times are seconds of the log")
     if track.reader.damage:
-        say(f"{arguments.log}: {track.reader.damage}; all that is sound was exported")
-    if track.rows > HEAVY.get(arguments.to, track.rows):
+        say(f"{options.log}: {track.reader.damage}; all that is sound was exported")
+    if track.rows > HEAVY.get(options.to, track.rows):
         tell(f"{track.rows} points make many programs slow; --every 1 gives one a second")
 
 
-def _summary(arguments: argparse.Namespace, track: Track, target: Target) -> dict[str, Any]:
+def _summary(options: ExportOptions, track: ExportTrack, target: Target) -> dict[str, Any]:
     return {
-        "out": arguments.out,
-        "to": arguments.to,
+        "out": options.out,
+        "to": options.to,
         "files": {path.name: path.stat().st_size for path in target.files.values()},
         "filter": track.filter,
         "order": track.order,

@@ -7,17 +7,17 @@ from typing import Any, BinaryIO, Final
 
 from shore.exports import table
 from shore.exports.text import iso
-from shore.exports.track import Track
+from shore.exports.track import ExportTrack
 
 _UTC: Final = table.TIMES.index("utc")
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """The estimates. Raises OSError."""
     table.fill(track, lambda _, columns: _Sheet(stream, columns))
 
 
-def write_all(streams: dict[str, BinaryIO], track: Track) -> None:
+def write_all(streams: dict[str, BinaryIO], track: ExportTrack) -> None:
     """A file for each of `table.NAMES`. Raises OSError."""
     table.fill_all(track, lambda name, columns: _Sheet(streams[name], columns))
 

@@ -6,12 +6,12 @@ from typing import Any, BinaryIO, Final
 
 from shore.exports.antimeridian import Place, crossing
 from shore.exports.text import Aside, aside, iso
-from shore.exports.track import Mark, Row, Track
+from shore.exports.track import ExportTrack, Mark, Row
 
 DECIMALS: Final = 8
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """One FeatureCollection. Raises OSError."""
     with ExitStack() as stack:
         lines, events = _Lines(stack.enter_context(aside())), stack.enter_context(aside())

@@ -4,7 +4,7 @@ from typing import BinaryIO, Final
 from xml.etree import ElementTree as ET
 
 from shore.exports.text import Aside, aside, iso, xml_text
-from shore.exports.track import Mark, Row, Track
+from shore.exports.track import ExportTrack, Mark, Row
 
 SPACE: Final = "http://www.topografix.com/GPX/1/1"
 _SCHEMA: Final = "http://www.topografix.com/GPX/1/1/gpx.xsd"
@@ -16,7 +16,7 @@ _HEAD: Final = (
 )
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """The schema wants the waypoints first, though they are known last. Raises OSError."""
     with aside() as points:
         marks = _write_points(points, track)
@@ -37,7 +37,7 @@ def write(stream: BinaryIO, track: Track) -> None:
         stream.write(b"</trk>\n</gpx>\n")
 
 
-def _write_points(points: Aside, track: Track) -> list[Mark]:
+def _write_points(points: Aside, track: ExportTrack) -> list[Mark]:
     """The segments; what is to be a waypoint is given back."""
     marks, is_open = [], False
     for item in track.items():

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from shore.exports.antimeridian import Place, crossing
 from shore.exports.text import Aside, aside, iso, xml_text
-from shore.exports.track import Mark, Row, Track
+from shore.exports.track import ExportTrack, Mark, Row
 
 SPACE: Final = "http://www.opengis.net/kml/2.2"
 _HEAD: Final = (
@@ -25,7 +25,7 @@ _TRACK_STYLE: Final = (
 )
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """Raises OSError."""
     has_time = track.survey.clocks.know_utc
     with ExitStack() as stack:

@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from common.messages import Event
 from common.units import NS_PER_S
-from shore.exports.track import RAW, Mark, Row, Track
+from shore.exports.track import RAW, ExportTrack, Mark, Row
 from shore.logbook import foxglove
 from shore.logbook.estimates import logged
 from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, POSITIONS, TRIP, json_schema
@@ -36,7 +36,7 @@ class _Message(NamedTuple):
     """The record, where it is bytes already."""
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """Raises OSError."""
     writer = Writer(stream, compression=CompressionType.ZSTD)
     writer.start(profile="", library=LIBRARY)
@@ -52,7 +52,7 @@ def write(stream: BinaryIO, track: Track) -> None:
     writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _of_track(track: Track) -> Iterator[_Message]:
+def _of_track(track: ExportTrack) -> Iterator[_Message]:
     for item in track.items():
         time_ns = _time_ns(item.utc_ns, item.t_s)
         if isinstance(item, Mark):
@@ -69,11 +69,11 @@ def _of_track(track: Track) -> Iterator[_Message]:
             yield _Message(time_ns, f"{POSITIONS}{RAW}", _position(track, item, time_ns))
 
 
-def _position(track: Track, row: Row, time_ns: int) -> dict[str, Any]:
+def _position(track: ExportTrack, row: Row, time_ns: int) -> dict[str, Any]:
     return foxglove.location_fix(time_ns, row.t_ns, track.filter, (row.lat_deg, row.lon_deg), row.covariance_m2)
 
 
-def _of_fixes(track: Track) -> Iterator[_Message]:
+def _of_fixes(track: ExportTrack) -> Iterator[_Message]:
     """Every fix with a position, usable or not; its covariance is what the configuration says of the receiver."""
     sigmas = {str(table["id"]): table.get("sigma_m") for table in track.survey.sensors("gps")}
     for clock, fix in track.fixes():

@@ -9,14 +9,14 @@ from operator import xor
 from typing import BinaryIO, Final
 
 from common.units import NS_PER_MS, NS_PER_S
-from shore.exports.track import Row, Track
+from shore.exports.track import ExportTrack, Row
 
 TALKER: Final = "IN"
 _MINUTES: Final = 60 * 10**7
 """Steps of a coordinate in one degree: minutes with seven decimals."""
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """Raises OSError."""
     has_time_of_day = track.survey.clocks.has_time_of_day
     for row in track.items():

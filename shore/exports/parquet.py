@@ -6,7 +6,7 @@ from itertools import islice
 from typing import Any, BinaryIO, Final
 
 from shore.exports import table
-from shore.exports.track import Track
+from shore.exports.track import ExportTrack
 
 ROWS: Final = 50_000
 """Rows that are Python objects at once; behind them they are columns of bytes."""
@@ -15,12 +15,12 @@ _FLAGS: Final = frozenset({"aligned", "held", "usable", "status_valid"})
 _WORDS: Final = frozenset({"waiting", "level", "source", "code", "text", "evidence", "sensor", "warning"})
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """The estimates. Raises OSError."""
     table.fill(track, lambda _, columns: _Sheet(stream, columns))
 
 
-def write_all(streams: dict[str, BinaryIO], track: Track) -> None:
+def write_all(streams: dict[str, BinaryIO], track: ExportTrack) -> None:
     """A file for each of `table.NAMES`. Raises OSError."""
     table.fill_all(track, lambda name, columns: _Sheet(streams[name], columns))
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from common.geodesy import LocalPlane
 from common.units import NS_PER_S
-from shore.exports.track import RAW, Mark, Row, Track
-from shore.report.trip import Happening, Points, Trip, draw, when
+from shore.exports.track import RAW, ExportTrack, Mark, Row
+from shore.report.trip import Happening, Points, TripPlot, draw, when
 
 SHOWN: Final = 20_000
 """Rows and fixes that a picture can show; more are thinned out."""
@@ -16,7 +16,7 @@ _NAN: Final = float("nan")
 _Values = tuple[float, ...]
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """Raises OSError."""
     rows, marks = _Thinned(), []
     plane: LocalPlane | None = None
@@ -37,7 +37,7 @@ def write(stream: BinaryIO, track: Track) -> None:
             fixes.add(plane.to_east_north_m(fix.lat_deg, fix.lon_deg))
     draw(
         stream,
-        Trip(
+        TripPlot(
             title=track.title,
             subtitle=_subtitle(track, begin, end),
             has_utc=has_utc,
@@ -100,7 +100,7 @@ def _happening(mark: Mark, plane: LocalPlane, *, has_utc: bool) -> Happening:
     return Happening(_time(mark, has_utc=has_utc), mark.level, mark.code, east_m, north_m)
 
 
-def _subtitle(track: Track, begin: Row, end: Row) -> str:
+def _subtitle(track: ExportTrack, begin: Row, end: Row) -> str:
     what = f"fixes of {track.gps or 'the GPS'}" if track.filter == RAW else track.filter
     how = "" if track.order == "recorded" else ", filtered again in order of boat time"
     took = timedelta(seconds=round(end.t_s - begin.t_s))

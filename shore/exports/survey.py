@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 
 from common.messages import Frame
 from common.units import NS_PER_S
-from shore.exports.clocks import Clock, Clocks
+from shore.exports.clocks import BoardClock, Clocks
 from shore.logbook.foxglove import event_of
 from shore.logbook.read import LogReader, LogRecord
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
@@ -21,7 +21,7 @@ SHOWN_EACH: Final = 2048
 class Happened(NamedTuple):
     """An event of the log and the clock of its time."""
 
-    clock: Clock
+    clock: BoardClock
     event: dict[str, Any]
     """The fields of `Event`."""
 
@@ -78,7 +78,7 @@ class _Pass:
     def __init__(self, reader: LogReader) -> None:
         self._reader = reader
         self.found = Survey()
-        self._clock: Clock | None = None
+        self._clock: BoardClock | None = None
         """Of the frame that was decoded last."""
         self._looked_ns = 0
         self._newest_ns: dict[int, int] = {}

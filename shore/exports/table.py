@@ -8,8 +8,8 @@ from operator import attrgetter
 from typing import Any, Final, Protocol
 
 from common.messages import Fix, Frame, Heading
-from shore.exports.clocks import Clock
-from shore.exports.track import Mark, Row, Track
+from shore.exports.clocks import BoardClock
+from shore.exports.track import ExportTrack, Mark, Row
 
 Values = Sequence[Any]
 TIMES: Final = ("t_s", "utc", "t_ns")
@@ -42,12 +42,12 @@ Begin = Callable[[str, tuple[str, ...]], Sheet]
 NAMES: Final = ("estimates", "events", "fixes", "headings", "imu")
 
 
-def fill(track: Track, begin: Begin) -> None:
+def fill(track: ExportTrack, begin: Begin) -> None:
     """The estimates alone."""
     _fill_estimates(track, begin, None).finish()
 
 
-def fill_all(track: Track, begin: Begin) -> None:
+def fill_all(track: ExportTrack, begin: Begin) -> None:
     """All of `NAMES`."""
     events = begin("events", EVENTS)
     sheets = [_fill_estimates(track, begin, events), events]
@@ -60,7 +60,7 @@ def fill_all(track: Track, begin: Begin) -> None:
         sheet.finish()
 
 
-def _fill_estimates(track: Track, begin: Begin, events: Sheet | None) -> Sheet:
+def _fill_estimates(track: ExportTrack, begin: Begin, events: Sheet | None) -> Sheet:
     rows = _only_rows(track.items(), events)
     first = next(rows, None)
     names = tuple(first.record["names"]) if first is not None and first.record is not None else ()
@@ -98,7 +98,7 @@ def _event(mark: Mark) -> Values:
     ]  # fmt: skip
 
 
-def _measured(clock: Clock, frame: Frame) -> tuple[list[Values], list[Values], list[Values]]:
+def _measured(clock: BoardClock, frame: Frame) -> tuple[list[Values], list[Values], list[Values]]:
     """Rows of fixes, headings and IMU samples."""
 
     def times(t_ns: int) -> tuple[float, int | None, int]:

@@ -1,6 +1,6 @@
 """One source of rows for every format: the estimates of one filter in order of boat time, and the events among them.
 
-    track = Track(reader, survey, "fuzzy", order="recorded", every_s=None)
+    track = ExportTrack(reader, survey, "fuzzy", order="recorded", every_s=None)
     for item in track.items(): ...              # Row or Mark; nothing of it is kept
 
 `recorded` gives what was published live; `time` runs the filter again over the frames in order of boat time.
@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from common.events import is_of_station
 from common.messages import Fix, Frame
 from common.units import NS_PER_S
-from shore.exports.clocks import Clock
+from shore.exports.clocks import BoardClock
 from shore.exports.survey import SHOWN_EACH, Survey
 from shore.logbook.read import LogReader
 from shore.logbook.schemas import ESTIMATES, FRAMES
@@ -31,14 +31,14 @@ RESETS: Final = frozenset({"filter-reset", "origin-moved", "board-rebooted"})
 """Events after which the track is another piece."""
 
 Place = tuple[float, float]
-Entry = tuple[int, int, int, Clock, dict[str, Any]]
+Entry = tuple[int, int, int, BoardClock, dict[str, Any]]
 """Number of the clock, time and number of an event, so that they sort; the clock, the event."""
 
 
 class Row(NamedTuple):
     """One place of the boat. Missing is `None`."""
 
-    clock: Clock
+    clock: BoardClock
     t_ns: int
     t_s: float
     """Seconds of the log."""
@@ -88,12 +88,12 @@ class Mark(NamedTuple):
 class _Found(NamedTuple):
     """A row to be."""
 
-    clock: Clock
+    clock: BoardClock
     record: dict[str, Any]
     data: bytes | None = None
 
 
-class Track:
+class ExportTrack:
     """One filter (or `raw`) of one log; every call of `items` reads the log once."""
 
     def __init__(self, reader: LogReader, survey: Survey, name: str, order: str, every_s: float | None) -> None:
@@ -143,7 +143,7 @@ class Track:
             self.marks += 1
             yield mark
 
-    def frames(self, kind: bytes = b"") -> Iterator[tuple[Clock, Frame]]:
+    def frames(self, kind: bytes = b"") -> Iterator[tuple[BoardClock, Frame]]:
         """Frames that can be decoded, in the order of the export, with their clock; at least all with this `kind`."""
         clocks = self.survey.clocks
         if self.order == "time":
@@ -162,12 +162,12 @@ class Track:
                 self.shown(clock.seconds(frame.t1_ns))
             yield clock, frame
 
-    def fixes(self) -> Iterator[tuple[Clock, Fix]]:
+    def fixes(self) -> Iterator[tuple[BoardClock, Fix]]:
         """Fixes with a position, of all receivers."""
         for clock, frame in self.frames(b"fixes"):
             yield from ((clock, fix) for fix in frame.fixes if fix.lat_deg is not None and fix.lon_deg is not None)
 
-    def _known_events(self) -> Iterator[tuple[Clock, dict[str, Any]]]:
+    def _known_events(self) -> Iterator[tuple[BoardClock, dict[str, Any]]]:
         """Those of the log; of a new run of the filter only those that it cannot make."""
         for clock, event in self.survey.events:
             if self.order == "recorded" or self.filter == RAW or is_of_station(event["code"]):
@@ -229,14 +229,14 @@ def _is_apart(last: Row | None, row: Row) -> bool:
 class _Waiting:
     """Events that wait for the rows about their time."""
 
-    def __init__(self, events: Iterator[tuple[Clock, dict[str, Any]]], name: str) -> None:
+    def __init__(self, events: Iterator[tuple[BoardClock, dict[str, Any]]], name: str) -> None:
         self._filter = name
         self._heap: list[Entry] = []
         self._count = 0
         for clock, event in events:
             self.add(clock, event)
 
-    def add(self, clock: Clock, event: dict[str, Any]) -> None:
+    def add(self, clock: BoardClock, event: dict[str, Any]) -> None:
         """One more."""
         self._count += 1
         heappush(self._heap, (clock.number, event["t_ns"], self._count, clock, event))
@@ -251,7 +251,7 @@ class _Waiting:
         return marks, resets
 
 
-def _mark(clock: Clock, event: dict[str, Any], last: Row | None, row: Row | None) -> Mark:
+def _mark(clock: BoardClock, event: dict[str, Any], last: Row | None, row: Row | None) -> Mark:
     t_ns = event["t_ns"]
     near = [each for each in (last, row) if each and each.clock is clock and abs(each.t_ns - t_ns) <= NEAR_NS]
     nearest = min(near, key=lambda each: abs(each.t_ns - t_ns), default=None)

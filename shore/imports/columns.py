@@ -14,14 +14,14 @@ from common.framer import ImuSample, Measurement
 from common.geodesy import LocalPlane
 from common.messages import Fix, Heading, TurnRate
 from common.sensors import SensorTable
+from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns
 from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
 from shore.imports.account import Account, Rejected
-from shore.imports.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns
 from shore.imports.frames import PORT
 from shore.imports.gpsd import DAY_MS
 from shore.imports.kinds import HEAD_BYTES
 from shore.imports.plan import LATEST_NS
-from shore.imports.reader import Record, Sources, opened
+from shore.imports.reader import ForeignRecord, Sources, opened
 from shore.imports.table import Table, rows_of, table_in
 from shore.imports.values import direction_deg, in_range
 
@@ -63,7 +63,7 @@ class ColumnReader:
         if any(getattr(part, name, 0.0) for part in (fix, mapping.heading) for name in ("noise_m", "noise_deg")):
             self.notes.append("the mapping's noise is for the virtual boat: none was added")
 
-    def records(self) -> Iterator[Record]:
+    def records(self) -> Iterator[ForeignRecord]:
         """One for each row."""
         wraps = 0
         before_ns: int | None = None
@@ -85,9 +85,9 @@ class ColumnReader:
                 if wraps_ns and before_ns is not None and t_ns < before_ns - wraps_ns // 2:
                     wraps += 1
                 before_ns = t_ns
-                yield Record(min(t_ns + wraps * wraps_ns, LATEST_NS), row)
+                yield ForeignRecord(min(t_ns + wraps * wraps_ns, LATEST_NS), row)
 
-    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
+    def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
         """Up to one measurement of each part."""
         self._rows.taken["with time"] += 1
         for part, name, make, account in self._parts:
@@ -106,7 +106,7 @@ class ColumnReader:
             if made is not None:
                 self._before[name] = made[0]
 
-    def leave_out(self, _: Record, reason: str) -> None:
+    def leave_out(self, _: ForeignRecord, reason: str) -> None:
         """Count the row."""
         self._rows.rejected[f"time: {reason}"] += 1
 
@@ -153,7 +153,7 @@ class ColumnReader:
             raise Rejected("not a number") from None
         return value if math.isfinite(value) else None
 
-    def _fix(self, record: Record, t_ns: int) -> tuple[Any, Measurement] | None:
+    def _fix(self, record: ForeignRecord, t_ns: int) -> tuple[Any, Measurement] | None:
         fix, row = self.mapping.fix, record.content
         assert isinstance(fix, FixColumns)
         place = self._place(fix, row)
@@ -187,7 +187,7 @@ class ColumnReader:
         lat, lon = self._number(row, fix.lat), self._number(row, fix.lon)
         return None if lat is None or lon is None else (lat * fix.scale, lon * fix.scale)
 
-    def _heading(self, record: Record, t_ns: int) -> tuple[Any, Measurement] | None:
+    def _heading(self, record: ForeignRecord, t_ns: int) -> tuple[Any, Measurement] | None:
         heading, row = self.mapping.heading, record.content
         assert isinstance(heading, HeadingColumns)
         if heading.quaternion:
@@ -208,7 +208,7 @@ class ColumnReader:
         mag_deg, true_deg = (found, None) if heading.magnetic else (None, found)
         return value, Heading(sensor="compass1", t_ns=t_ns, heading_mag_deg=mag_deg, heading_true_deg=true_deg)
 
-    def _imu(self, record: Record, t_ns: int) -> tuple[Any, Measurement] | None:
+    def _imu(self, record: ForeignRecord, t_ns: int) -> tuple[Any, Measurement] | None:
         imu, row = self.mapping.imu, record.content
         assert isinstance(imu, ImuColumns)
         rate = self._number(row, imu.yaw_rate)

@@ -3,14 +3,15 @@
 import argparse
 import os
 from datetime import UTC, datetime
-from typing import Final
+from typing import Any, Final
 
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from common.whole_file import check_target
-from shore.imports.kinds import Kind, recognise
-from shore.imports.run import Job, imported
+from shore.imports.kinds import RecordingKind, recognise
+from shore.imports.run import ImportOptions, Job, imported
 from shore.imports.write import Written
+from shore.logbook.session import trip_record
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
 
 NO_FILTERS: Final = "none"
@@ -24,34 +25,47 @@ def run(arguments: argparse.Namespace) -> int:
     filters = () if arguments.filters.strip() == NO_FILTERS else filters_named(arguments.filters)
     kind = recognise(arguments.recording, has_map=arguments.map is not None, is_serial=arguments.config is not None)
     _check_options(arguments, kind)
-    job = Job(arguments.recording, arguments.out, arguments, filters, kind)
-    say(f"{job.source}: {kind}")
+    say(f"{arguments.recording}: {kind}")
+    job = Job(arguments.recording, arguments.out, _options(arguments, filters), kind)
     try:
         with every_end_is_ctrl_c():
-            written = imported(job)
+            done, written = imported(job)
     except KeyboardInterrupt:
         say(f"stopped; {job.out} was not written")
         return 0
-    return _tell(job, written)
+    finish(arguments, _told(job, written, is_written=done))
+    return 0 if done else 1
 
 
-def _check_options(arguments: argparse.Namespace, kind: Kind) -> None:
-    serial = kind in (Kind.SERIAL, Kind.SIGNALK_LOG)
-    if kind is Kind.FRAMES and (arguments.config or arguments.lines_per_second):
+def _options(arguments: argparse.Namespace, filters: tuple[str, ...]) -> ImportOptions:
+    return ImportOptions(
+        filters=filters,
+        trip=trip_record(arguments.name, arguments.place, arguments.note),
+        map=arguments.map,
+        config=arguments.config,
+        port=arguments.port,
+        vessel=arguments.vessel,
+        lines_per_second=arguments.lines_per_second,
+    )
+
+
+def _check_options(arguments: argparse.Namespace, kind: RecordingKind) -> None:
+    serial = kind in (RecordingKind.SERIAL, RecordingKind.SIGNALK_LOG)
+    if kind is RecordingKind.FRAMES and (arguments.config or arguments.lines_per_second):
         raise WayfixError(
             "is a frames file: sensors and times stand in it", str(arguments.recording), "give no options"
         )
     if arguments.port is not None and (not serial or arguments.config is None):
         cure = "give --config BOAT.toml too" if serial else "leave it out"
         raise WayfixError("names a port of a configuration, for serial recordings", "--port", cure)
-    if arguments.vessel is not None and kind not in (Kind.SIGNALK, Kind.SIGNALK_LOG):
+    if arguments.vessel is not None and kind not in (RecordingKind.SIGNALK, RecordingKind.SIGNALK_LOG):
         raise WayfixError("names a vessel of Signal K deltas", "--vessel", "leave it out")
-    if arguments.lines_per_second is not None and kind is Kind.TABLE:
+    if arguments.lines_per_second is not None and kind is RecordingKind.TABLE:
         raise WayfixError("is for recordings without times", "--lines-per-second", "the mapping says where the time is")
 
 
-def _tell(job: Job, result: tuple[bool, Written]) -> int:
-    done, written = result
+def _told(job: Job, written: Written, *, is_written: bool) -> dict[str, Any]:
+    """Say what was taken and made; the same for `--json`."""
     for account in job.accounts:
         for line in account.words():
             tell(line)
@@ -60,7 +74,7 @@ def _tell(job: Job, result: tuple[bool, Written]) -> int:
     began = None if written.utc_ns is None else datetime.fromtimestamp(written.utc_ns // NS_PER_S, UTC).isoformat()
     summary = {
         **job.record(),
-        "out": str(job.out) if done else None,
+        "out": str(job.out) if is_written else None,
         "frames": written.frames,
         "bad_frames": written.bad,
         "seconds": round(written.seconds, 3),
@@ -71,12 +85,11 @@ def _tell(job: Job, result: tuple[bool, Written]) -> int:
         "aligned": written.aligned,
         "events": dict(sorted(written.events.items())),
     }
-    if done:
+    if is_written:
         held = ", ".join(f"{name} {count}" for name, count in sorted(written.measurements.items()))
         tell(f"{job.out}: {written.frames} frames, {written.seconds:.1f} s from {began or 'an unknown date'}: {held}")
-        if job.filters:
-            tell(f"estimates of {', '.join(job.filters)}: {written.estimates.total()}; aligned {written.aligned}")
+        if filters := job.options.filters:
+            tell(f"estimates of {', '.join(filters)}: {written.estimates.total()}; aligned {written.aligned}")
     else:
         say(f"{job.source}: nothing in it could be used, {job.out} was not written")
-    finish(job.arguments, summary)
-    return 0 if done else 1
+    return summary

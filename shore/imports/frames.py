@@ -32,7 +32,7 @@ class Placed(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class RecordingClock:
     """What the recording's own clock is."""
 
     utc_source: str
@@ -113,7 +113,9 @@ def identity_of(greeting: dict[str, Any]) -> Identity:
     return Identity(*(greeting[name] for name in ("boat_id", "boot_id", "clock_id", "start_no")))
 
 
-def frames_of(placed: Iterable[Placed], config: BoatConfig, identity: Identity, clock: Clock) -> Iterator[Frame]:
+def frames_of(
+    placed: Iterable[Placed], config: BoatConfig, identity: Identity, clock: RecordingClock
+) -> Iterator[Frame]:
     """Frames on whole multiples of the period, up to the last measurement; none for no measurement.
 
     `placed`: in the order of the recording; a measurement that comes late is in the frame in which it came.

@@ -14,7 +14,7 @@ from common.sensors import BoatTable, SensorTable
 from common.units import M_S_PER_KN, NS_PER_MS
 from shore.imports.account import Account, Rejected
 from shore.imports.frames import PORT
-from shore.imports.reader import Lines, Record, Sources
+from shore.imports.reader import ForeignRecord, Lines, Sources
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of
 
 _QUALITY_OF: Final[dict[int, int]] = {1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 6, 7: 7, 8: 8, 9: 3}
@@ -38,9 +38,9 @@ class GpsdReader:
         self._lines = lines
         self._before: dict[str, dict[str, float]] = {}
 
-    def records(self) -> Iterator[Record]:
+    def records(self) -> Iterator[ForeignRecord]:
         """One for each TPV, ATT and IMU; of the TPVs of one epoch of a receiver the last."""
-        waiting: list[Record] = []
+        waiting: list[ForeignRecord] = []
         for line in self._lines:
             record = self._record(line)
             if record is None:
@@ -56,7 +56,7 @@ class GpsdReader:
             waiting.append(record)
         yield from waiting
 
-    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
+    def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
         """The measurements of one object; a whole object is refused where any field of it is impossible."""
         kind, device = record.content["class"], str(record.content.get("device", ""))
         try:
@@ -70,7 +70,7 @@ class GpsdReader:
             self.account.ignored[f"{kind} without a value"] += 1
         yield from made
 
-    def leave_out(self, record: Record, reason: str) -> None:
+    def leave_out(self, record: ForeignRecord, reason: str) -> None:
         """Count it."""
         self.account.rejected[f"{record.content['class']} {reason}"] += 1
 
@@ -78,7 +78,7 @@ class GpsdReader:
         """One for each device and role."""
         return self.sources.tables(PORT, rates_hz)
 
-    def _record(self, line: str) -> Record | None:
+    def _record(self, line: str) -> ForeignRecord | None:
         begin = line.find("{")
         if begin < 0 or line[0] in "$!#":
             kind = "comment" if line[0] == "#" else "raw sentence" if line[0] in "$!" else "other text"
@@ -97,12 +97,12 @@ class GpsdReader:
             self.account.ignored["TPV without a value"] += 1
             return None
         try:
-            return Record(utc_ns_of(content.get("time")), content)
+            return ForeignRecord(utc_ns_of(content.get("time")), content)
         except Rejected as reason:
             self.account.rejected[f"{kind} {reason}"] += 1
             return None
 
-    def _fix(self, record: Record, device: str, t_ns: int) -> tuple[Measurement, ...]:
+    def _fix(self, record: ForeignRecord, device: str, t_ns: int) -> tuple[Measurement, ...]:
         tpv = record.content
         mode, status = number(tpv, "mode", 0, 3), number(tpv, "status", 0, 100)
         lat_deg, lon_deg = number(tpv, "lat", -90.0, 90.0), number(tpv, "lon", -180.0, 180.0)
@@ -129,7 +129,7 @@ class GpsdReader:
             ),
         )
 
-    def _motion(self, record: Record, device: str, t_ns: int) -> tuple[Measurement, ...]:
+    def _motion(self, record: ForeignRecord, device: str, t_ns: int) -> tuple[Measurement, ...]:
         said, imu_sample = _angles(record.content), self._imu_sample(record.content, device, t_ns)
         # gpsd repeats the angles that other sentences brought. Where none changed, all are new.
         before, self._before[device] = self._before.get(device, {}), said
@@ -179,14 +179,14 @@ def _angles(att: dict[str, Any]) -> dict[str, float]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _same_epoch(before: Record, record: Record) -> bool:
+def _same_epoch(before: ForeignRecord, record: ForeignRecord) -> bool:
     return before.t_ns is not None and before.t_ns == record.t_ns and _same_receiver(before, record)
 
 
-def _next_epoch(before: Record, record: Record) -> bool:
+def _next_epoch(before: ForeignRecord, record: ForeignRecord) -> bool:
     return before.t_ns != record.t_ns and _same_receiver(before, record)
 
 
-def _same_receiver(before: Record, record: Record) -> bool:
+def _same_receiver(before: ForeignRecord, record: ForeignRecord) -> bool:
     a, b = before.content, record.content
     return bool(a["class"] == b["class"] == "TPV" and a.get("device") == b.get("device"))

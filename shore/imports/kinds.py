@@ -22,7 +22,7 @@ _AS_UTF8: Final = "convert it with `iconv -f UTF-16 -t UTF-8 FILE > OUT`"
 _KNOWN: Final = "NMEA 0183, gpsd JSON, Signal K and CSV with --map can be imported"
 
 
-class Kind(StrEnum):
+class RecordingKind(StrEnum):
     """What can be imported."""
 
     FRAMES = "frames file"
@@ -72,25 +72,25 @@ _PROGRAM_LOG: Final = re.compile(rb"[0-9]{4}-[0-9]{2}-[0-9]{2} [0-9:,.]+ - [A-Z]
 _JSON_KEY: Final = re.compile(r'"(\w+)"\s*:')
 
 
-def recognise(path: Path, *, has_map: bool, is_serial: bool) -> Kind:
+def recognise(path: Path, *, has_map: bool, is_serial: bool) -> RecordingKind:
     """The kind of a file; `is_serial`: somebody says that it is a recording of a port (--config).
 
     Raises WayfixError for what cannot be imported, with what it looks like and what to do.
     """
     head = _head(path)
     kind = _kind(path, head, has_map=has_map, is_serial=is_serial)
-    if kind is Kind.TABLE and not has_map:
+    if kind is RecordingKind.TABLE and not has_map:
         table = table_in(head)
         assert table is not None
         _refuse_table(path, table)
-    if kind is not Kind.TABLE and has_map:
+    if kind is not RecordingKind.TABLE and has_map:
         raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "leave --map out")
     return kind
 
 
-def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Kind:
+def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> RecordingKind:
     if is_frames_file(path):
-        return Kind.FRAMES
+        return RecordingKind.FRAMES
     _refuse_magic(path, head)
     lines = [line for line in re.split(rb"[\r\n]+", head) if line.strip()]
     if not lines:
@@ -100,9 +100,9 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Kind:
         return found
     sentences = sum(_SENTENCE.search(line) is not None for line in lines)
     if 2 * sum(SERVER_LINE.match(line.decode(errors="replace")) is not None for line in lines) > len(lines):
-        return Kind.SIGNALK_LOG
+        return RecordingKind.SIGNALK_LOG
     if sentences > len(lines) // 100 or any(_OTHER_DEVICE.match(line) for line in lines[:100]):
-        return Kind.SERIAL
+        return RecordingKind.SERIAL
     if _is_binary(head):
         if _UBX in head:
             cure = "let the receiver send NMEA, or import what gpsd makes of it (gpspipe -w)"
@@ -110,9 +110,9 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Kind:
         raise WayfixError("is binary, of a kind that is not known here", str(path), _KNOWN)
     _refuse_text(path, head, lines)
     if table_in(head) is not None:
-        return Kind.TABLE
+        return RecordingKind.TABLE
     if is_serial:
-        return Kind.SERIAL
+        return RecordingKind.SERIAL
     if has_map:
         cure = "give a CSV file: a line of column names, and rows of as many fields"
         raise WayfixError("is no table that --map could be for", str(path), cure)
@@ -147,14 +147,14 @@ def _refuse_magic(path: Path, head: bytes) -> None:
             raise WayfixError(f"is {name}", str(path), cure)
 
 
-def _json_kind(path: Path, lines: list[bytes]) -> Kind | None:
+def _json_kind(path: Path, lines: list[bytes]) -> RecordingKind | None:
     """By the first lines that are JSON objects; `None` where there are none."""
-    votes: Counter[Kind] = Counter()
+    votes: Counter[RecordingKind] = Counter()
     for content in _objects(lines):
         if isinstance(content.get("updates"), list):
-            votes[Kind.SIGNALK] += 1
+            votes[RecordingKind.SIGNALK] += 1
         elif isinstance(content.get("class"), str):
-            votes[Kind.GPSD] += 1
+            votes[RecordingKind.GPSD] += 1
     if votes:
         return votes.most_common(1)[0][0]
     if lines[0].lstrip()[:1] in (b"{", b"["):

@@ -12,7 +12,7 @@ from common.sensors import IMU_AXES, BoatTable, SensorTable
 from shore.imports.account import Account
 
 
-class Record(NamedTuple):
+class ForeignRecord(NamedTuple):
     """Something in a recording that may hold measurements."""
 
     t_ns: int | None
@@ -20,7 +20,7 @@ class Record(NamedTuple):
     content: Any
 
 
-class Reader(Protocol):
+class RecordingReader(Protocol):
     """One pass over a recording. Counts everything it sees in its accounts, exactly once."""
 
     accounts: tuple[Account, ...]
@@ -32,13 +32,13 @@ class Reader(Protocol):
     sources: "Sources"
     """Which sensors are whose; the second pass over a file is given those of the first."""
 
-    def records(self) -> Iterator[Record]:
+    def records(self) -> Iterator[ForeignRecord]:
         """What may hold measurements, in the order of the file; everything else is counted and passed over."""
 
-    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
+    def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
         """The measurements of a record at this boat time; counted."""
 
-    def leave_out(self, record: Record, reason: str, /) -> None:
+    def leave_out(self, record: ForeignRecord, reason: str, /) -> None:
         """A record without a time that could be used; counted."""
 
     def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:

@@ -1,6 +1,5 @@
 """The ways of an import, by kind of file; all of them end in `write`."""
 
-import argparse
 import sys
 import tempfile
 from array import array
@@ -20,19 +19,38 @@ from common.units import NS_PER_MS, NS_PER_S
 from shore.imports import frames as cut
 from shore.imports import serial_port
 from shore.imports.account import Account
-from shore.imports.column_map import ColumnMap
+from shore.imports.column_map import read_column_map
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
-from shore.imports.kinds import Kind
+from shore.imports.kinds import RecordingKind
 from shore.imports.plan import NO_TIME, Plan
-from shore.imports.reader import Lines, Reader, digest_of
+from shore.imports.reader import Lines, RecordingReader, digest_of
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.imports.write import LogMaker, Written, utc_offset_ns
-from shore.logbook.session import trip_record
 from shore.terminal import say
 
 PACE_HZ: Final = 1.0
 """JSON without any time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportOptions:
+    """What an import was asked for."""
+
+    filters: tuple[str, ...] = ()
+    """The first leads; none = frames only."""
+    trip: dict[str, Any] | None = None
+    """What a person calls it (`trip_record`)."""
+    map: Path | None = None
+    """Which column of a table is what; a table needs it."""
+    config: Path | None = None
+    """The boat's file; `None` = the sensors are those found in the recording."""
+    port: str | None = None
+    """`[[port]]` of `config` that a serial recording is of."""
+    vessel: str | None = None
+    """Whose Signal K deltas; `None` = the server's own."""
+    lines_per_second: float | None = None
+    """Pace of a recording without times."""
 
 
 @dataclass(slots=True)
@@ -41,19 +59,13 @@ class Job:
 
     source: Path
     out: Path
-    arguments: argparse.Namespace
-    filters: tuple[str, ...]
-    kind: Kind
+    options: ImportOptions
+    kind: RecordingKind
     accounts: tuple[Account, ...] = ()
     notes: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
     """What else is kept in the log: sensor -> source, gaps."""
     digest: str = ""
-
-    @property
-    def trip(self) -> dict[str, Any] | None:
-        """What a person calls it."""
-        return trip_record(self.arguments.name, self.arguments.place, self.arguments.note)
 
     def record(self) -> dict[str, Any]:
         """Of the log's `end` record and the summary."""
@@ -66,24 +78,24 @@ def imported(job: Job) -> tuple[bool, Written]:
     """Do it; False = nothing could be used, and no log was written. Raises WayfixError."""
     with tempfile.TemporaryDirectory(prefix="wayfix-import-") as directory:
         match job.kind:
-            case Kind.FRAMES:
+            case RecordingKind.FRAMES:
                 return _from_frames_file(job, job.source)
-            case Kind.SERIAL:
+            case RecordingKind.SERIAL:
                 return _from_serial(job, job.source, Path(directory) / "frames", None)
-            case Kind.SIGNALK_LOG:
+            case RecordingKind.SIGNALK_LOG:
                 return _from_server_log(job, Path(directory))
-            case Kind.TABLE:
-                mapping = read_toml(job.arguments.map, ColumnMap)
-                mapping.check(str(job.arguments.map))
+            case RecordingKind.TABLE:
+                assert job.options.map is not None
+                mapping = read_column_map(job.options.map)
                 return _from_reader(job, lambda progress: ColumnReader(job.source, mapping, progress))
-            case Kind.GPSD:
+            case RecordingKind.GPSD:
                 return _from_reader(job, lambda progress: GpsdReader(Lines(job.source, progress)))
-            case Kind.SIGNALK:
+            case RecordingKind.SIGNALK:
                 return _from_deltas(job)
 
 
 def _from_deltas(job: Job) -> tuple[bool, Written]:
-    own = own_contexts(Lines(job.source), job.arguments.vessel, str(job.source))
+    own = own_contexts(Lines(job.source), job.options.vessel, str(job.source))
     if own[0] != SELF:
         job.notes.append(f"taken for our own boat: {own[0]}")
     job.facts["own"] = own[0]
@@ -95,7 +107,7 @@ def _from_server_log(job: Job, directory: Path) -> tuple[bool, Written]:
     log = serial_port.ServerLog(job.source, directory / job.source.name)
     if not log.sentences:
         return _from_deltas(job)
-    if job.arguments.vessel is not None:
+    if job.options.vessel is not None:
         raise WayfixError("names a vessel, but the log has the boat's own sentences", "--vessel", "leave it out")
     if len(log.providers) > 1:
         names = ", ".join(sorted(log.providers))
@@ -106,19 +118,19 @@ def _from_server_log(job: Job, directory: Path) -> tuple[bool, Written]:
 
 
 def _from_serial(job: Job, source: Path, frames: Path, log: serial_port.ServerLog | None) -> tuple[bool, Written]:
-    given = job.arguments
-    options: list[str] = []
+    asked = job.options
+    given: list[str] = []
     for name, value in (
-        ("--config", given.config),
-        ("--port", given.port),
-        ("--lines-per-second", given.lines_per_second),
+        ("--config", asked.config),
+        ("--port", asked.port),
+        ("--lines-per-second", asked.lines_per_second),
     ):
-        options += [] if value is None else [name, str(value)]
+        given += [] if value is None else [name, str(value)]
     try:
-        summary = serial_port.convert(source, frames, options, say)
+        summary = serial_port.convert(source, frames, given, say)
         if log is not None and summary["pace"] == "baud" and log.lines_per_second is not None:
-            options += ["--lines-per-second", repr(log.lines_per_second)]
-            summary = serial_port.convert(source, frames, options, say)
+            given += ["--lines-per-second", repr(log.lines_per_second)]
+            summary = serial_port.convert(source, frames, given, say)
     except WayfixError as error:
         raise WayfixError(str(error).replace(str(source), str(job.source))) from error
     account = serial_port.account_of(summary)
@@ -152,26 +164,26 @@ def _from_frames_file(
             if file.cut is not None:
                 job.notes.append(f"the file is {file.cut}")
 
-        if job.kind is Kind.FRAMES:
+        if job.kind is RecordingKind.FRAMES:
             job.accounts = (account,)
-        maker = LogMaker(file.greeting, job.filters, offset_ns)
-        done = maker.write(job.out, _shown(taken(), "filtering", count), job.trip, job.record)
+        maker = LogMaker(file.greeting, job.options.filters, offset_ns)
+        done = maker.write(job.out, _shown(taken(), "filtering", count), job.options.trip, job.record)
     return done, maker.written
 
 
-def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader]) -> tuple[bool, Written]:
+def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], RecordingReader]) -> tuple[bool, Written]:
     """Two passes: what is in it and when, then the frames."""
     job.digest = digest_of(job.source)
     size = job.source.stat().st_size
-    given = None if job.arguments.config is None else read_toml(job.arguments.config, BoatConfig)
+    given = None if job.options.config is None else read_toml(job.options.config, BoatConfig)
     times = array("q")
     with _bytes_shown("reading", size) as progress:
         first = make(progress)
         rates = cut.survey(_first_pass(first, times))
     mapping = first.mapping.time if isinstance(first, ColumnReader) else None
-    pace_hz = job.arguments.lines_per_second or PACE_HZ
+    pace_hz = job.options.lines_per_second or PACE_HZ
     plan = Plan(times, pace_hz, spread=mapping is not None and mapping.spread, is_utc=first.is_utc)
-    if plan.timed and job.arguments.lines_per_second is not None:
+    if plan.timed and job.options.lines_per_second is not None:
         raise WayfixError("the recording has its own times", "--lines-per-second", "leave it out")
     if not plan.timed and times:
         job.notes.append(f"no times inside: one record every {1 / pace_hz:g} s; --lines-per-second X sets another pace")
@@ -179,15 +191,15 @@ def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader
     is_utc = first.is_utc and plan.timed
     made = {"kind": str(job.kind), "clock": "utc" if is_utc else "from-zero"}
     greeting = cut.greeting_of(config, job.digest, made)
-    source = "gnss" if job.kind is Kind.GPSD else "rtc"
+    source = "gnss" if job.kind is RecordingKind.GPSD else "rtc"
     doubt_ns = 100 * NS_PER_MS if source == "gnss" else NS_PER_S
-    clock = cut.Clock(source if is_utc else "none", doubt_ns, plan.shift_of_date_ns)
+    clock = cut.RecordingClock(source if is_utc else "none", doubt_ns, plan.shift_of_date_ns)
     if is_utc and plan.misdated:
         job.notes.append(
             f"the clock was set on the way: {plan.misdated} records bear another date; they keep their intervals, "
             "and their UTC is reckoned from the others"
         )
-    maker = LogMaker(greeting, job.filters, -plan.shift_of_date_ns if is_utc else None)
+    maker = LogMaker(greeting, job.options.filters, -plan.shift_of_date_ns if is_utc else None)
     with _bytes_shown("importing", size) as progress:
         second = make(progress)
         second.sources = first.sources
@@ -196,18 +208,18 @@ def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Reader
             job.facts["sources"] = first.sources.as_record()
         placed = _second_pass(second, plan)
         frames = cut.frames_of(placed, config, cut.identity_of(greeting), clock)
-        done = maker.write(job.out, map(encode_frame, frames), job.trip, job.record)
+        done = maker.write(job.out, map(encode_frame, frames), job.options.trip, job.record)
     return done, maker.written
 
 
-def _first_pass(reader: Reader, times: "array[int]") -> Iterator[cut.Placed]:
+def _first_pass(reader: RecordingReader, times: "array[int]") -> Iterator[cut.Placed]:
     for record in reader.records():
         times.append(NO_TIME if record.t_ns is None else record.t_ns)
         for measurement in reader.measure(record, record.t_ns or 0):
             yield cut.Placed(measurement, 0, 0)
 
 
-def _second_pass(reader: Reader, plan: Plan) -> Iterator[cut.Placed]:
+def _second_pass(reader: RecordingReader, plan: Plan) -> Iterator[cut.Placed]:
     for number, record in enumerate(reader.records()):
         t_ns = plan.at(number)
         if t_ns is None:

@@ -21,7 +21,7 @@ from shore.imports.account import Account, Rejected
 from shore.imports.frames import PORT
 from shore.imports.gpsd import DAY_MS, LARGEST
 from shore.imports.kinds import SERVER_LINE
-from shore.imports.reader import Lines, Record, Sources
+from shore.imports.reader import ForeignRecord, Lines, Sources
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of, within_life
 
 DEG: Final = 180.0 / math.pi
@@ -47,7 +47,7 @@ PATHS: Final = (
 
 
 @dataclass(slots=True)
-class Moment:
+class SourceValues:
     """The values of one source at one time, by path without `navigation.`."""
 
     source: str
@@ -86,34 +86,36 @@ class SignalKReader:
         self._own = own
         self._variation_deg: dict[str, float] = {}
 
-    def records(self) -> Iterator[Record]:
+    def records(self) -> Iterator[ForeignRecord]:
         """One for each source and time: values of one moment may come in several updates."""
-        open_moments: dict[str, Moment] = {}
+        open_moments: dict[str, SourceValues] = {}
         for update in _updates(self._lines, self.account):
             if update.context not in self._own:
                 self.account.ignored["of another vessel"] += max(1, len(update.values))
                 continue
             yield from _closed(open_moments, update)
             if values := self._own_values(update):
-                open_moments.setdefault(update.source, Moment(update.source, update.t_ns))
+                open_moments.setdefault(update.source, SourceValues(update.source, update.t_ns))
                 yield from self._merge(open_moments, update, values)
         for moment in sorted(open_moments.values(), key=lambda moment: moment.t_ns or 0):
-            yield Record(moment.t_ns, moment)
+            yield ForeignRecord(moment.t_ns, moment)
 
-    def _merge(self, open_moments: dict[str, Moment], update: _Update, values: dict[str, Any]) -> Iterator[Record]:
+    def _merge(
+        self, open_moments: dict[str, SourceValues], update: _Update, values: dict[str, Any]
+    ) -> Iterator[ForeignRecord]:
         """Add an update's values to the open moment; another value of a path it has already opens the next one."""
         moment = open_moments[update.source]
         if any(path in moment.values and moment.values[path] != value for path, value in values.items()):
-            yield Record(moment.t_ns, moment)
-            moment = open_moments[update.source] = Moment(update.source, update.t_ns)
+            yield ForeignRecord(moment.t_ns, moment)
+            moment = open_moments[update.source] = SourceValues(update.source, update.t_ns)
         for path, value in values.items():
             if path in moment.values:
                 self.account.ignored[f"{path} once more"] += 1
             moment.values[path] = value
 
-    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
+    def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
         """The measurements of one source at one moment; a value that is impossible is refused alone."""
-        moment: Moment = record.content
+        moment: SourceValues = record.content
         good: dict[str, Any] = {}
         for path, value in moment.values.items():
             try:
@@ -125,7 +127,7 @@ class SignalKReader:
         yield from self._fixes(moment, good, t_ns)
         yield from self._motions(moment.source, good, t_ns)
 
-    def leave_out(self, record: Record, reason: str) -> None:
+    def leave_out(self, record: ForeignRecord, reason: str) -> None:
         """Count its values."""
         self.account.rejected[reason] += len(record.content.values)
 
@@ -156,7 +158,7 @@ class SignalKReader:
                 found[name] = entry["value"]
         return found
 
-    def _fixes(self, moment: Moment, good: dict[str, Any], t_ns: int) -> Iterator[Measurement]:
+    def _fixes(self, moment: SourceValues, good: dict[str, Any], t_ns: int) -> Iterator[Measurement]:
         place, sog_kn, cog_deg = (good.get(path) for path in PATHS[:3])
         if place is None and sog_kn is None and cog_deg is None:
             return
@@ -194,7 +196,7 @@ class SignalKReader:
             yield TurnRate(sensor=sensor, t_ns=t_ns, rate_deg_s=turn_deg_s)
 
 
-def _closed(open_moments: dict[str, Moment], update: _Update) -> Iterator[Record]:
+def _closed(open_moments: dict[str, SourceValues], update: _Update) -> Iterator[ForeignRecord]:
     """The moments that are over, and those before them, in order of time."""
     over = [moment for moment in open_moments.values() if _is_over(moment, update)]
     last_ns = max((moment.t_ns for moment in over if moment.t_ns is not None), default=-1)
@@ -202,10 +204,10 @@ def _closed(open_moments: dict[str, Moment], update: _Update) -> Iterator[Record
     closing = {moment.source: moment for moment in (*over, *earlier)}
     for moment in sorted(closing.values(), key=lambda moment: moment.t_ns or 0):
         del open_moments[moment.source]
-        yield Record(moment.t_ns, moment)
+        yield ForeignRecord(moment.t_ns, moment)
 
 
-def _is_over(moment: Moment, update: _Update) -> bool:
+def _is_over(moment: SourceValues, update: _Update) -> bool:
     """Nothing more belongs to it: its source speaks of another time, or others are ahead of it."""
     if moment.t_ns is None or update.t_ns is None:
         return moment.source == update.source

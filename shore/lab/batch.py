@@ -46,7 +46,7 @@ _NS_PER_S: Final = 10**9
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class RunTrack:
     """The first run step by step; row 0 is the start. Angles in rad; NaN where a method has no such number."""
 
     x: Array
@@ -77,7 +77,7 @@ class Outcome:
     """Processor time of all steps of all runs."""
     live_us: float
     """Time of one step of one boat; NaN where it was not taken."""
-    first: Track | None
+    first: RunTrack | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,11 +248,11 @@ class _Record:
                 self.nis += noise.nis
                 self.measured += 1
 
-    def track(self) -> Track:
+    def track(self) -> RunTrack:
         """The first run."""
         variance, dom_ratio, alpha = self.noise
         alpha[1:] = variance[1:] / variance[:-1]
-        return Track(self.x, variance, dom_ratio, alpha)
+        return RunTrack(self.x, variance, dom_ratio, alpha)
 
 
 def _first(value: Number | None) -> float:
@@ -320,7 +320,7 @@ def raw_outcome(setting: Setting, *, first: bool) -> Outcome:
         claimed=blank,
         seconds=math.nan,
         live_us=math.nan,
-        first=Track(track, blank, blank, blank) if first else None,
+        first=RunTrack(track, blank, blank, blank) if first else None,
     )
 
 

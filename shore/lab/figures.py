@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from common.errors import WayfixError
-from shore.lab.batch import Track
+from shore.lab.batch import RunTrack
 from shore.lab.campaign import RAW, Result
 from shore.lab.statistics import running_rms, squared_errors, window_variance
 from shore.navigation.models import HEADING
@@ -106,7 +106,7 @@ def _one_run(result: Result) -> str:
     )
 
 
-def _first(result: Result, method: str) -> Track:
+def _first(result: Result, method: str) -> RunTrack:
     track = result.outcomes[method].first
     assert track is not None
     return track
@@ -115,7 +115,7 @@ def _first(result: Result, method: str) -> Track:
 def _adaptive(result: Result, shown: list[str]) -> list[str]:
     """Filters that have a degree of matching, or change R otherwise."""
 
-    def moves(track: Track) -> bool:
+    def moves(track: RunTrack) -> bool:
         return bool(np.any(np.isfinite(track.dom_ratio))) or bool(np.nanmax(np.abs(track.alpha - 1.0), initial=0.0) > 0)
 
     return [name for name in shown if name != result.setting.reference and moves(_first(result, name))]

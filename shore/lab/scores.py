@@ -10,7 +10,7 @@ from shore.lab.batch import Outcome
 from shore.lab.campaign import RAW, Result
 from shore.lab.methods import METHODS
 from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
-from shore.lab.statistics import COMPONENTS, Estimated, mean_of, oddness, ratio_of
+from shore.lab.statistics import COMPONENTS, IntervalEstimate, mean_of, oddness, ratio_of
 from shore.navigation.numbers import Array
 
 WHOLE: Final = "whole"
@@ -22,13 +22,13 @@ LEAST_RUNS_FOR_Z: Final = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
+class MethodScore:
     """One method on one scenario; tuples are east, north, heading in the units of `COMPONENTS`."""
 
-    mse: tuple[Estimated, ...]
+    mse: tuple[IntervalEstimate, ...]
     sd: tuple[float, ...]
     """Of one run."""
-    ratio: tuple[Estimated, ...]
+    ratio: tuple[IntervalEstimate, ...]
     """Mean MSE / mean MSE of the reference, same runs."""
     to_bound: tuple[float, ...]
     """NaN for a method that is told the biases which the bound's filter has to find."""
@@ -42,7 +42,7 @@ class Score:
     """Of one boat, for each step."""
 
 
-def score(result: Result, method: str, span: str = WHOLE) -> Score:
+def score(result: Result, method: str, span: str = WHOLE) -> MethodScore:
     """The figures of a method over a stretch of the run; consistency and times are of the whole run."""
     outcome = result.outcomes[method]
     samples = outcome.mse[span]
@@ -50,7 +50,7 @@ def score(result: Result, method: str, span: str = WHOLE) -> Score:
     if result.setting.biased and method != RAW and METHODS[method].knows_bias:
         bound = np.full(len(bound), np.nan)
     estimates = tuple(mean_of(samples[:, each]) for each in range(3))
-    return Score(
+    return MethodScore(
         mse=estimates,
         sd=tuple(samples.std(axis=0, ddof=1).tolist()),
         ratio=tuple(ratio_of(samples[:, each], result.reference.mse[span][:, each]) for each in range(3)),
@@ -68,7 +68,7 @@ def bound_of(result: Result, span: str = WHOLE) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ThesisComparison:
     """What the thesis prints for a method, and how odd that is among our runs."""
 
     method: str
@@ -77,7 +77,7 @@ class Comparison:
     """NaN with less than `LEAST_RUNS_FOR_Z` runs."""
 
 
-def comparisons(result: Result) -> list[Comparison]:
+def comparisons(result: Result) -> list[ThesisComparison]:
     """For each printed row whose method was run."""
     printed = PUBLISHED.get(result.name)
     found = []
@@ -88,7 +88,7 @@ def comparisons(result: Result) -> list[Comparison]:
         samples = result.outcomes[method].mse[span]
         known = result.runs >= LEAST_RUNS_FOR_Z
         z = tuple(oddness(row[each], samples[:, each]) if known else math.nan for each in range(3))
-        found.append(Comparison(method, row, z))
+        found.append(ThesisComparison(method, row, z))
     return found
 
 
@@ -110,7 +110,7 @@ def as_json(result: Result) -> dict[str, Any]:
     }
 
 
-def _method_json(scored: Score) -> dict[str, Any]:
+def _method_json(scored: MethodScore) -> dict[str, Any]:
     return {
         "mse": _named(tuple(each.value for each in scored.mse)),
         "ci95": {

@@ -31,7 +31,7 @@ class Interval(NamedTuple):
     high: float
 
 
-class Estimated(NamedTuple):
+class IntervalEstimate(NamedTuple):
     """A number and its interval."""
 
     value: float
@@ -51,13 +51,13 @@ def student(degrees: int) -> float:
     return z + sum(terms)
 
 
-def mean_of(samples: Array) -> Estimated:
+def mean_of(samples: Array) -> IntervalEstimate:
     """Mean over runs (runs,) with its interval; at least two runs."""
     mean = float(samples.mean())
     return _around(mean, float(samples.std(ddof=1)) / math.sqrt(len(samples)), len(samples))
 
 
-def ratio_of(upper: Array, lower: Array) -> Estimated:
+def ratio_of(upper: Array, lower: Array) -> IntervalEstimate:
     """Ratio of two means over the same runs, with the interval of paired samples (delta method)."""
     ratio = float(upper.mean() / lower.mean())
     apart = (upper - ratio * lower) / lower.mean()
@@ -122,6 +122,6 @@ def window_variance(noise: Array, window: int) -> Array:
     return means
 
 
-def _around(value: float, error: float, count: int) -> Estimated:
+def _around(value: float, error: float, count: int) -> IntervalEstimate:
     half = student(count - 1) * error
-    return Estimated(value, Interval(value - half, value + half))
+    return IntervalEstimate(value, Interval(value - half, value + half))

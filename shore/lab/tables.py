@@ -11,7 +11,7 @@ from shore.lab.campaign import RAW, Result
 from shore.lab.methods import METHODS
 from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
 from shore.lab.scores import LEAST_RUNS_FOR_Z, WHOLE, bound_of, comparisons, score
-from shore.lab.statistics import Estimated
+from shore.lab.statistics import IntervalEstimate
 
 LEAST_WIDTH = 170
 """Characters, where the output is no terminal."""
@@ -145,11 +145,11 @@ def _span_table(result: Result) -> Iterable[Table]:
     yield table
 
 
-def _mse_cell(mean: Estimated, sd: float) -> str:
+def _mse_cell(mean: IntervalEstimate, sd: float) -> str:
     return f"{plain(mean.value, '.3g')} ±{plain(half_width(mean), '.2g')} ({plain(sd, '.2g')})"
 
 
-def half_width(estimate: Estimated) -> float:
+def half_width(estimate: IntervalEstimate) -> float:
     """Of the interval."""
     return 0.5 * (estimate.interval.high - estimate.interval.low)
 

@@ -17,7 +17,7 @@ MAX_STARTS: Final = 200
 
 
 @dataclass(slots=True)
-class Start:
+class StartLedger:
     """The frames of one daemon start: `first` up to, not including, `upto` are wanted."""
 
     boot_id: str
@@ -36,7 +36,7 @@ class Start:
 class Ledger:
     """Starts of the daemon in their order."""
 
-    def __init__(self, starts: Iterable[Start] = ()) -> None:
+    def __init__(self, starts: Iterable[StartLedger] = ()) -> None:
         self._starts = {start.boot_id: start for start in starts}
 
     def greet(self, boot_id: str, next_seq: int, runs: Iterable[tuple[str, int, int]]) -> None:
@@ -53,9 +53,9 @@ class Ledger:
             if name in self._starts:
                 self._starts[name].upto = max(self._starts[name].upto, upto)
             elif after_known and name != boot_id:
-                self._starts[name] = Start(name, 0, upto)
+                self._starts[name] = StartLedger(name, 0, upto)
         if boot_id not in self._starts:
-            self._starts[boot_id] = Start(boot_id, next_seq if is_new_here else 0, next_seq)
+            self._starts[boot_id] = StartLedger(boot_id, next_seq if is_new_here else 0, next_seq)
         own = self._starts[boot_id]
         own.upto = max(own.upto, next_seq)
         while len(self._starts) > MAX_STARTS:
@@ -64,7 +64,7 @@ class Ledger:
     def take(self, boot_id: str, first: int, last: int) -> bool:
         """A frame came (a merged one covers several); False when it was here before."""
         if boot_id not in self._starts:  # a new start of a boat that is known: all its frames are wanted
-            self._starts[boot_id] = Start(boot_id, 0 if self._starts else first, last + 1)
+            self._starts[boot_id] = StartLedger(boot_id, 0 if self._starts else first, last + 1)
         start = self._starts[boot_id]
         start.upto = max(start.upto, last + 1)
         return start.seen.add(first, last)

@@ -14,7 +14,7 @@ from typing import Any, Final
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from common.whole_file import part_of
-from shore.link.ledger import Ledger, Start
+from shore.link.ledger import Ledger, StartLedger
 from shore.logbook.lock import is_being_written, lock
 from shore.logbook.read import read_log
 from shore.logbook.schemas import FRAMES
@@ -87,7 +87,7 @@ def _ledger_of(record: Any) -> Ledger:
         raise ValueError("another form")
     starts = []
     for item in record["starts"]:
-        start = Start(str(item["boot_id"]), int(item["first"]), int(item["upto"]))
+        start = StartLedger(str(item["boot_id"]), int(item["first"]), int(item["upto"]))
         for name, seqs in (("seen", start.seen), ("gone", start.gone)):
             for first, last in item[name]:
                 seqs.add(int(first), int(last))

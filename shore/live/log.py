@@ -6,7 +6,7 @@ from typing import Any
 
 from common.errors import WayfixError
 from shore.live.cursor import Cursor
-from shore.logbook.recorder import Recorder
+from shore.logbook.recorder import LogRecorder
 from shore.watchers.log import LogWatcher
 from shore.watchers.watcher import SourceState, Start
 
@@ -16,7 +16,7 @@ class LiveLog(LogWatcher):
 
     def __init__(self, directory: Path | None, boat_id: str, cursor: Cursor | None, say: Callable[[str], None]) -> None:
         """Raises WayfixError when the directory cannot be written."""
-        self._recorder = Recorder(directory, boat_id, say)
+        self._recorder = LogRecorder(directory, boat_id, say)
         self._cursor = cursor
         super().__init__(self._recorder.write)
 

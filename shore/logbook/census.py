@@ -16,7 +16,7 @@ _HEAD_TYPES: Final = tuple(_HEAD.values())
 _FIX_FIELDS: Final = ("lat_deg", "lon_deg", "fix_quality", "fix_mode", "status_valid", "held")
 
 
-class Missing(NamedTuple):
+class MissingFrames(NamedTuple):
     """Counts of frames."""
 
     in_file: int
@@ -61,7 +61,7 @@ class Census:
         """Between the frame before and the next one."""
         self._is_after_loss |= set(self._begins)
 
-    def missing(self, lost_by_file: int | None) -> Missing:
+    def missing(self, lost_by_file: int | None) -> MissingFrames:
         """How many frames are missing, and why. lost_by_file: as the log itself says, where it does."""
         absent = doubtful = 0
         for boot_id, seen in self._seen.items():
@@ -70,7 +70,7 @@ class Census:
             holes = self._holes.get(boot_id, ())
             doubtful += sum(max(0, min(a[1], b[1]) - max(a[0], b[0]) + 1) for a in gaps for b in holes)
         in_file = doubtful if lost_by_file is None else lost_by_file
-        return Missing(in_file, absent - min(doubtful, in_file))
+        return MissingFrames(in_file, absent - min(doubtful, in_file))
 
 
 def light_frame(data: bytes) -> Frame:

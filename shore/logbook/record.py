@@ -1,6 +1,6 @@
 """Write the log of one session: an MCAP file that is readable up to the last `sync()`, whatever happens.
 
-    writer = LogWriter(Path("logs"), "springer", utc_ns)     # or LogWriter.at(Path("out.mcap"))
+    writer = new_log(Path("logs"), "springer", utc_ns)     # or log_at(Path("out.mcap"))
     writer.write_session({"kind": "start", ...}, utc_ns)
     writer.write_frame(data, frame, utc_ns)     # the bytes as received, before anything is done with them
     writer.sync()                               # once a second
@@ -19,7 +19,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
@@ -40,32 +40,14 @@ _LARGEST_TIME: Final = 2**64 - 1
 class LogWriter:
     """One log file, new, never overwritten. After a WayfixError (disk full, unplugged) only `close` is allowed."""
 
-    def __init__(self, directory: Path, boat_id: str, utc_ns: int) -> None:
-        """Make `directory` if need be and open `<UTC start>-<boat_id>.mcap` in it; raises WayfixError."""
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            file = _new_file(directory, boat_id, utc_ns)
-        except OSError as error:
-            cure = "give a directory you may write to"
-            raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
-        self._open(file, Path(os.fsdecode(file.name)), None)
+    def __init__(self, file: FileIO, final: Path | None = None) -> None:
+        """Begin a log in a file that is new and open (`new_log`, `log_at`); `close` moves it to `final`, if given.
 
-    @classmethod
-    def at(cls, path: Path) -> Self:
-        """A log that appears at `path` when it is closed; raises WayfixError when something is there already."""
-        if path.exists():
-            raise WayfixError("exists already", str(path), "choose another name, or remove it first")
-        writer = cls.__new__(cls)
-        try:
-            writer._open(FileIO(part_of(path), "xb"), part_of(path), path)  # noqa: SLF001
-        except OSError as error:
-            raise WayfixError(f"cannot be written ({error.strerror})", str(path), "check space and rights") from error
-        return writer
-
-    def _open(self, file: FileIO, path: Path, final: Path | None) -> None:
+        Raises WayfixError when nothing can be written, and OSError when the file cannot be locked.
+        """
         self._file = file
-        self.path = path
-        """Where it grows; `at` renames it when it is closed."""
+        self.path = Path(os.fsdecode(file.name))
+        """Where it grows, and after `close` where it stays."""
         self._final = final
         lock(file.fileno())
         self._writer = Writer(file, compression=CompressionType.ZSTD)
@@ -158,7 +140,7 @@ class LogWriter:
                 self._file.close()
 
     def abandon(self) -> None:
-        """Close without an end; a log of `at` leaves nothing behind. Harmless to a log that is closed already."""
+        """Close without an end; a log of `log_at` leaves nothing behind. Harmless to a log that is closed already."""
         with suppress(OSError):
             self._file.close()
         if self._final is not None and self.path != self._final:
@@ -193,6 +175,27 @@ class LogWriter:
             self.path.replace(self._final)
             self.path = self._final
             sync_directory(self.path.parent)
+
+
+def new_log(directory: Path, boat_id: str, utc_ns: int) -> LogWriter:
+    """Make `directory` if need be and begin `<UTC start>-<boat_id>.mcap` in it; raises WayfixError."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        file = _new_file(directory, boat_id, utc_ns)
+    except OSError as error:
+        cure = "give a directory you may write to"
+        raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
+    return LogWriter(file)
+
+
+def log_at(path: Path) -> LogWriter:
+    """A log that appears at `path` when it is closed; raises WayfixError when something is there already."""
+    if path.exists():
+        raise WayfixError("exists already", str(path), "choose another name, or remove it first")
+    try:
+        return LogWriter(FileIO(part_of(path), "xb"), path)
+    except OSError as error:
+        raise WayfixError(f"cannot be written ({error.strerror})", str(path), "check space and rights") from error
 
 
 def _new_file(directory: Path, boat_id: str, utc_ns: int) -> FileIO:

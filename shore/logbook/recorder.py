@@ -10,10 +10,10 @@ from pathlib import Path
 from common.clock import boottime_ns
 from common.errors import WayfixError
 from common.units import NS_PER_S
-from shore.logbook.record import LogWriter
+from shore.logbook.record import LogWriter, new_log
 
 
-class Recorder:
+class LogRecorder:
     """Writes at once, puts it on the disk beside the run. Without a directory it takes everything and keeps nothing."""
 
     def __init__(self, directory: Path | None, boat_id: str, say: Callable[[str], None]) -> None:
@@ -27,7 +27,7 @@ class Recorder:
         self._syncing: Future[None] | None = None
         self._since_ns = boottime_ns()
         if directory is not None:
-            self._writer = LogWriter(directory, boat_id, time.time_ns())
+            self._writer = new_log(directory, boat_id, time.time_ns())
             self.path = self._writer.path
 
     @property

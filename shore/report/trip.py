@@ -24,7 +24,7 @@ NARROW_M: Final = 2.0
 
 
 @dataclass
-class Trip:
+class TripPlot:
     """What is drawn, in order of time."""
 
     title: str
@@ -54,7 +54,7 @@ class Happening:
     north_m: float | None
 
 
-def draw(stream: BinaryIO, trip: Trip) -> None:
+def draw(stream: BinaryIO, trip: TripPlot) -> None:
     """Write a PNG; raises ImportError when matplotlib is missing, OSError."""
     import matplotlib as mpl
 
@@ -84,7 +84,7 @@ def draw(stream: BinaryIO, trip: Trip) -> None:
     plt.close(figure)
 
 
-def _draw_track(axes: Any, trip: Trip) -> None:
+def _draw_track(axes: Any, trip: TripPlot) -> None:
     from matplotlib.patches import Ellipse
 
     east, north = _broken(trip.rows, trip.rows[:, 1]), _broken(trip.rows, trip.rows[:, 2])
@@ -112,7 +112,7 @@ def _draw_track(axes: Any, trip: Trip) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
 
 
-def _mark_events(axes: Any, trip: Trip) -> None:
+def _mark_events(axes: Any, trip: TripPlot) -> None:
     """All as diamonds; warnings and errors by name where there is room."""
     shown_m = float(np.hypot(*np.ptp(trip.rows[:, 1:3], axis=0)))
     largest_m2 = float(np.nanmax(trip.rows[:, 4:7:2], initial=0.0))
@@ -133,7 +133,7 @@ def _mark_events(axes: Any, trip: Trip) -> None:
                 )
 
 
-def _frame(axes: Any, trip: Trip) -> None:
+def _frame(axes: Any, trip: TripPlot) -> None:
     """Room about the track, and where it is; equal scales."""
     places = trip.rows[:, 1:3] if not len(trip.fixes) else np.vstack((trip.rows[:, 1:3], trip.fixes))
     low, high = places.min(axis=0), places.max(axis=0)
@@ -149,7 +149,7 @@ def _frame(axes: Any, trip: Trip) -> None:
     axes.set_ylabel(f"{unit} north of {abs(lat_deg):.5f}° {'S' if lat_deg < 0.0 else 'N'}")
 
 
-def _draw_heading(axes: Any, trip: Trip) -> None:
+def _draw_heading(axes: Any, trip: TripPlot) -> None:
     heading = trip.rows[:, 3]
     if not np.isfinite(heading).any():
         axes.text(0.5, 0.5, "not known", transform=axes.transAxes, ha="center", color=COLOURS["grey"])
@@ -159,7 +159,7 @@ def _draw_heading(axes: Any, trip: Trip) -> None:
     axes.grid(alpha=0.25)
 
 
-def _draw_sigma(axes: Any, trip: Trip) -> None:
+def _draw_sigma(axes: Any, trip: TripPlot) -> None:
     position = _broken(trip.rows, np.sqrt(trip.rows[:, 4] + trip.rows[:, 6]))
     heading = _broken(trip.rows, trip.rows[:, 7])
     lines = axes.plot(_times(trip), position, color=COLOURS["doubt"], linewidth=1.3, label="position, m")
@@ -173,7 +173,7 @@ def _draw_sigma(axes: Any, trip: Trip) -> None:
     axes.grid(alpha=0.25)
 
 
-def _draw_times(axes: Any, trip: Trip) -> None:
+def _draw_times(axes: Any, trip: TripPlot) -> None:
     """Events as lines; where the filter was not aligned yet, a grey ground."""
     for each in trip.events:
         if each.level in LEVELS:
@@ -195,7 +195,7 @@ def _draw_times(axes: Any, trip: Trip) -> None:
     axes.margins(x=0.01)
 
 
-def _times(trip: Trip) -> Any:
+def _times(trip: TripPlot) -> Any:
     return _utc(trip.rows[:, 0]) if trip.has_utc else trip.rows[:, 0]
 
 
@@ -203,7 +203,7 @@ def _utc(seconds: Points) -> Any:
     return (seconds * NS_PER_S).astype("int64").astype("datetime64[ns]")
 
 
-def _first(trip: Trip) -> NDArray[np.bool_]:
+def _first(trip: TripPlot) -> NDArray[np.bool_]:
     return np.asarray(trip.rows[:, 9] == 1.0)
 
 

@@ -222,14 +222,14 @@ def _is_near(column: str, ours: str, theirs: str, tolerance: dict[str, float]) -
 def _cut(log: Path, target: Path, filters: tuple[str, ...], span: "Span | None") -> list[str]:
     """Frames of the span and their sessions, nothing else; the filters to replay."""
     from shore.logbook.read import read_log
-    from shore.logbook.record import LogWriter
+    from shore.logbook.record import log_at
     from shore.replay.frames import Frames
     from shore.watchers.watcher import Start
 
     frames = Frames(read_log(log), "arrival", span)
     asked: dict[str, Any] = {**frames.start.options}
     asked["filters"] = list(filters or asked.get("filters", ()))
-    writer = LogWriter.at(target)
+    writer = log_at(target)
     start: Start | None = None
     for arrival in frames:
         if arrival.start is not start:

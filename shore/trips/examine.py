@@ -11,7 +11,7 @@ from typing import Any, Final
 from mcap.records import Metadata
 
 from common.messages import Fix
-from shore.logbook.census import Census, Missing, light_frame
+from shore.logbook.census import Census, MissingFrames, light_frame
 from shore.logbook.foxglove import event_of
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.mcap.walk import Item
@@ -63,7 +63,7 @@ class Examination:
         return "damaged" if reader.losses or reader.flaws or self.words_differ else "whole"
 
     @property
-    def missing(self) -> Missing:
+    def missing(self) -> MissingFrames:
         """Frames that are not there."""
         summary = self.last("summary")
         written = summary.get("frames") if summary else None

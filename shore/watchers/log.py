@@ -7,7 +7,7 @@ from typing import Any, Self
 
 from common.messages import Event
 from shore.logbook.foxglove import event_of
-from shore.logbook.record import LogWriter
+from shore.logbook.record import LogWriter, log_at
 from shore.logbook.schemas import EVENTS, LINK, SESSION
 from shore.watchers.watcher import Start, Step, Watcher
 
@@ -56,7 +56,7 @@ class WholeLog(LogWatcher):
 
     def __init__(self, path: Path) -> None:
         """Raises WayfixError when `path` exists or cannot be written."""
-        self._writer = LogWriter.at(path)
+        self._writer = log_at(path)
         super().__init__(lambda action: action(self._writer))
 
     def __enter__(self) -> Self:

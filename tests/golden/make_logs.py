@@ -19,7 +19,7 @@ from common.messages import Frame
 from common.sensors import BoatConfig
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
-from shore.logbook.record import LogWriter
+from shore.logbook.record import log_at
 from shore.replay.frames import Span
 from shore.trips.case import EVERY_S, LOG, Case, write_case
 from tests.offline import config_of, frames_of
@@ -138,7 +138,7 @@ def write_log(path: Path, made: Made) -> None:
     board = [frame for frame in frames_of(voyage) if frame.seq >= made.from_s * 10.0]
     merged = [merge(board[place : place + BOARD_FRAMES]) for place in range(0, len(board), BOARD_FRAMES)]
     config, frames = made.change(config_of(voyage), merged)
-    writer = LogWriter.at(path)
+    writer = log_at(path)
     connected = {"config": without_none(asdict(config)), "boot_id": frames[0].boot_id, "next_seq": 0}
     writer.write_session(
         {"kind": "start", "options": {"step_s": None}, "connected": connected, "utc_ns": UTC_NS}, UTC_NS

@@ -58,10 +58,10 @@ FORMAT = '''"""A line of text for each estimate."""
 
 from typing import BinaryIO
 
-from shore.exports.track import Row, Track
+from shore.exports.track import ExportTrack, Row
 
 
-def write(stream: BinaryIO, track: Track) -> None:
+def write(stream: BinaryIO, track: ExportTrack) -> None:
     """The estimates. Raises OSError."""
     for item in track.items():
         if isinstance(item, Row):
@@ -77,7 +77,7 @@ from common.messages import Fix
 from common.sensors import BoatTable, SensorTable
 from shore.imports.account import Account
 from shore.imports.frames import PORT
-from shore.imports.reader import Lines, Record, Sources
+from shore.imports.reader import ForeignRecord, Lines, Sources
 
 
 class PlacesReader:
@@ -92,15 +92,15 @@ class PlacesReader:
         self.sources = Sources()
         self._lines = lines
 
-    def records(self) -> Iterator[Record]:
-        return (Record(None, line.split()[1:]) for line in self._lines)
+    def records(self) -> Iterator[ForeignRecord]:
+        return (ForeignRecord(None, line.split()[1:]) for line in self._lines)
 
-    def measure(self, record: Record, t_ns: int) -> Iterator[Measurement]:
+    def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
         lat_deg, lon_deg = map(float, record.content)
         self.account.taken["place"] += 1
         yield Fix(sensor=self.sources.id_of("gps", ""), t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg)
 
-    def leave_out(self, record: Record, reason: str) -> None:
+    def leave_out(self, record: ForeignRecord, reason: str) -> None:
         self.account.rejected[reason] += 1
 
     def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:

@@ -128,10 +128,12 @@ def export_format(tree: Tree) -> None:
 def import_kind(tree: Tree) -> None:
     tree.new("shore/imports/places.py", READER)
     kinds, run = "shore/imports/kinds.py", "shore/imports/run.py"
-    tree.after(kinds, "class Kind(StrEnum):", '    PLACES = "list of places"\n')
-    tree.after(kinds, "_refuse_magic(path, head)", '    if head.startswith(b"place "):\n        return Kind.PLACES\n')
+    tree.after(kinds, "class RecordingKind(StrEnum):", '    PLACES = "list of places"\n')
+    tree.after(
+        kinds, "_refuse_magic(path, head)", '    if head.startswith(b"place "):\n        return RecordingKind.PLACES\n'
+    )
     tree.after(run, "from shore.imports.plan", "from shore.imports.places import PlacesReader\n")
-    case = "            case Kind.PLACES:\n"
+    case = "            case RecordingKind.PLACES:\n"
     made = "                return _from_reader(job, lambda progress: PlacesReader(Lines(job.source, progress)))\n"
     tree.after(run, "match job.kind:", case + made)
     (tree.root / "places").write_text("place 50.0 -4.0\nplace 50.1 -4.0\n", encoding="ascii")

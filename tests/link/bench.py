@@ -18,24 +18,18 @@ from common.units import NS_PER_MS
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
 from onboard.spool import Spool
+from tests.strategies import numbered_frame
 
 PERIOD_NS = 100 * NS_PER_MS
 BOOT = "ab" * 8
 
 
-def frame(seq: int, texts: int = 0, *, has_fix: bool = False) -> Frame:
+def frame_with(seq: int, texts: int = 0, *, has_fix: bool = False) -> Frame:
+    """A frame with so many long lines in it."""
     t0_ns = seq * PERIOD_NS
-    return Frame(
-        boat_id="b",
-        boot_id=BOOT,
-        seq=seq,
-        clock_id="c",
-        start_no=1,
-        t0_ns=t0_ns,
-        t1_ns=t0_ns + PERIOD_NS,
-        fixes=(Fix(sensor="gps1", t_ns=t0_ns, lat_deg=50.8, lon_deg=-1.3),) if has_fix else (),
-        raw=tuple(RawLine(sensor="gps1", t_ns=t0_ns, text="$" + "x" * 400) for _ in range(texts)),
-    )
+    fixes = [Fix(sensor="gps1", t_ns=t0_ns, lat_deg=50.8, lon_deg=-1.3)] if has_fix else []
+    lines = [RawLine(sensor="gps1", t_ns=t0_ns, text="$" + "x" * 400)] * texts
+    return numbered_frame(seq, *fixes, *lines, period_ns=PERIOD_NS, boot_id=BOOT)
 
 
 class Client:
@@ -123,7 +117,7 @@ class Bench:
 
     def publish(self, count: int, texts: int = 0, fixes: tuple[int, ...] = ()) -> None:
         for _ in range(count):
-            self.server.publish(frame(self.next_seq, texts, has_fix=self.next_seq in fixes))
+            self.server.publish(frame_with(self.next_seq, texts, has_fix=self.next_seq in fixes))
             self.next_seq += 1
 
     async def close(self) -> None:

@@ -21,7 +21,7 @@ def identity(start_no: int = 1) -> Identity:
     return Identity("springer", f"{start_no:016x}", "c" * 32, start_no)
 
 
-def frame(seq: int, size: int = 200) -> bytes:
+def payload(seq: int, size: int = 200) -> bytes:
     """Other bytes for every number, with the magic of a record now and then."""
     word = b"\xf5WFR" if seq % 7 == 0 else b""
     return (word + f"<{seq}>".encode() * size)[:size]
@@ -58,7 +58,7 @@ def filled(directory: Path, count: int, start_no: int = 1, size: int = 200) -> N
     """A start of `count` frames that ended in good order."""
     spool = spool_at(directory, start_no)
     for seq in range(count):
-        spool.append(seq, frame(seq, size))
+        spool.append(seq, payload(seq, size))
         if seq % 1000 == 999:  # the queue is bounded
             until(lambda seq=seq: spool.synced_seq == seq)  # type: ignore[misc]
     spool.close(20.0)

@@ -19,7 +19,7 @@ from common.session import BoundedRun, FrameRange, Lease
 from onboard.link.bounded_run import GATHERED_BYTES, InOrder
 from onboard.link.server import COMMANDS_AT_ONCE, NEWS_AT_ONCE, SESSIONS_OF_KEY, Limits
 from onboard.link.sessions import Pace
-from tests.link.bench import BOOT, PERIOD_NS, Bench, frame, on_bench
+from tests.link.bench import BOOT, PERIOD_NS, Bench, frame_with, on_bench
 
 HUGE = 2**63 - 1
 JUNK: tuple[Any, ...] = (
@@ -228,12 +228,12 @@ def test_a_client_that_lies_and_never_reads_costs_no_memory_and_no_frame_of_othe
 
 def test_what_is_gathered_for_one_merged_frame_is_bounded() -> None:
     place = InOrder(BoundedRun(None, 0, BOOT, 0, 60.0), PERIOD_NS)
-    data = encode_frame(frame(0, texts=60))
+    data = encode_frame(frame_with(0, texts=60))
     most = GATHERED_BYTES // len(data)
     for seq in range(most):
-        place.take(encode_frame(frame(seq, texts=60)))
+        place.take(encode_frame(frame_with(seq, texts=60)))
     with pytest.raises(CodecError, match="bytes"):
-        place.take(encode_frame(frame(most, texts=60)))
+        place.take(encode_frame(frame_with(most, texts=60)))
 
 
 def test_a_run_whose_frames_get_too_large_ends_with_a_sentence_and_the_others_go_on() -> None:

@@ -11,7 +11,7 @@ from common.sensors import SpoolTable
 from onboard.spool import Batch, Run, Spool
 from onboard.spool import state as spool_state
 from onboard.spool.format import SEGMENT_BYTES, name_of
-from tests.link.spooling import MIB, QUICK, FaultyDisk, Told, filled, frame, identity, read_all, spool_at, until
+from tests.link.spooling import MIB, QUICK, FaultyDisk, Told, filled, identity, payload, read_all, spool_at, until
 
 BOOTS = [identity(number).boot_id for number in range(5)]
 
@@ -47,7 +47,7 @@ def test_frames_come_back_after_restarts(tmp_path: Path) -> None:
     assert spool.runs() == [Run(BOOTS[1], 1, 0, 300), Run(BOOTS[2], 2, 0, 200), Run(BOOTS[3], 3, 0, 1)]
     for number, count in ((1, 300), (2, 200)):
         frames, gone = read_all(spool, BOOTS[number], 5, count + 10, 3000)
-        assert frames == {seq: frame(seq) for seq in range(5, count)}
+        assert frames == {seq: payload(seq) for seq in range(5, count)}
         assert gone == set(range(count, count + 11))  # a start that is over makes no more
     assert spool.read(BOOTS[3], 0, 9, 1000) == Batch([(0, b"new")], [], None)
     spool.close(5.0)
@@ -57,7 +57,7 @@ def test_frames_come_back_after_restarts(tmp_path: Path) -> None:
 def test_records_over_the_edges_of_what_is_read_at_once(tmp_path: Path, count: int, size: int) -> None:
     filled(tmp_path / "spool", count, 1, size)
     spool = spool_at(tmp_path / "spool", 2)
-    expected = {seq: frame(seq, size) for seq in range(count)}
+    expected = {seq: payload(seq, size) for seq in range(count)}
     assert read_all(spool, BOOTS[1], 0, count - 1, 10**8) == (expected, set())
     for seq in (0, count // 3, count // 2, count - 1, 1):
         assert spool.read(BOOTS[1], seq, seq, 1) == Batch([(seq, expected[seq])], [], None)
@@ -76,13 +76,13 @@ def test_modes(tmp_path: Path) -> None:
 def test_batches(tmp_path: Path, on_disk: bool) -> None:
     spool = spool_at(tmp_path / "spool" if on_disk else None)
     for seq in (0, 1, 2, 5, 6, 9):  # 3, 4, 7 and 8 could not be encoded
-        spool.append(seq, frame(seq, 100))
-    assert spool.read(BOOTS[1], 0, 9, 250) == Batch([(0, frame(0, 100)), (1, frame(1, 100))], [], 2)
-    assert spool.read(BOOTS[1], 2, 9, 250) == Batch([(2, frame(2, 100)), (5, frame(5, 100))], [(3, 4)], 6)
-    assert spool.read(BOOTS[1], 6, 20, 1) == Batch([(6, frame(6, 100))], [], 7)
-    assert spool.read(BOOTS[1], 7, 20, 1) == Batch([(9, frame(9, 100))], [(7, 8)], None)
+        spool.append(seq, payload(seq, 100))
+    assert spool.read(BOOTS[1], 0, 9, 250) == Batch([(0, payload(0, 100)), (1, payload(1, 100))], [], 2)
+    assert spool.read(BOOTS[1], 2, 9, 250) == Batch([(2, payload(2, 100)), (5, payload(5, 100))], [(3, 4)], 6)
+    assert spool.read(BOOTS[1], 6, 20, 1) == Batch([(6, payload(6, 100))], [], 7)
+    assert spool.read(BOOTS[1], 7, 20, 1) == Batch([(9, payload(9, 100))], [(7, 8)], None)
     assert spool.read(BOOTS[1], 7, 8, 1) == Batch([], [(7, 8)], None)
-    assert spool.newest() == (9, frame(9, 100))
+    assert spool.newest() == (9, payload(9, 100))
     spool.close(5.0)
 
 
@@ -92,22 +92,22 @@ def test_from_disk_and_memory_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     disk = FaultyDisk()
     spool = spool_at(tmp_path / "spool", disk=disk)
     for seq in range(500):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     until(lambda: spool.synced_seq == 499)
     disk.gate.clear()
     for seq in range(500, 600):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     frames, gone = read_all(spool, BOOTS[1], 0, 599, 3000)
     disk.gate.set()
     assert not gone
-    assert frames == {seq: frame(seq) for seq in range(600)}
+    assert frames == {seq: payload(seq) for seq in range(600)}
     spool.close(5.0)
 
 
 def test_memory_only_keeps_the_newest_four_mib() -> None:
     spool = spool_at(None)
     for seq in range(6000):
-        spool.append(seq, frame(seq, 1000))
+        spool.append(seq, payload(seq, 1000))
     (run,) = spool.runs()
     frames, gone = read_all(spool, BOOTS[1], 0, 5999)
     assert run.next_seq == 6000
@@ -133,7 +133,7 @@ def test_retention_by_size(tmp_path: Path) -> None:
     spool = spool_at(directory, 2, told=told)
     most = 0
     for seq in range(22_000):
-        spool.append(seq, frame(seq, 1000))
+        spool.append(seq, payload(seq, 1000))
         if seq % 500 == 0:
             until(lambda seq=seq: spool.synced_seq == seq)  # type: ignore[misc]
             most = max(most, sum(path.stat().st_size for path in segments(directory)))
@@ -144,7 +144,7 @@ def test_retention_by_size(tmp_path: Path) -> None:
     assert first > 0
     frames, gone = read_all(spool, BOOTS[2], 0, 21_999)
     assert gone == set(range(first))
-    assert frames == {seq: frame(seq, 1000) for seq in range(first, 22_000)}
+    assert frames == {seq: payload(seq, 1000) for seq in range(first, 22_000)}
     assert read_all(spool, BOOTS[1], 0, 8999) == ({}, set(range(9000)))
     assert told.codes == ["spool-rolling"]
     assert spool.status()["removed"] >= 3
@@ -211,7 +211,7 @@ def test_readers_while_the_writer_writes_and_retires(tmp_path: Path) -> None:
             while not done.is_set():
                 for boot, count in ((BOOTS[1], 9000), (BOOTS[2], 10**6)):
                     frames, _ = read_all(spool, boot, 0, count)
-                    faults.extend(f"{seq}" for seq, data in frames.items() if data != frame(seq, 1000))
+                    faults.extend(f"{seq}" for seq, data in frames.items() if data != payload(seq, 1000))
         except AssertionError as error:
             faults.append(repr(error))
 
@@ -219,7 +219,7 @@ def test_readers_while_the_writer_writes_and_retires(tmp_path: Path) -> None:
     for reader in readers:
         reader.start()
     for seq in range(16_000):
-        spool.append(seq, frame(seq, 1000))
+        spool.append(seq, payload(seq, 1000))
         if seq % 1000 == 0:
             until(lambda seq=seq: spool.synced_seq >= seq - 1000)  # type: ignore[misc]
             frames, gone = read_all(spool, BOOTS[2], max(0, seq - 500), seq)
@@ -266,12 +266,12 @@ def test_a_second_daemon(tmp_path: Path) -> None:
     second = spool_at(directory, 2, told=told)
     assert told.codes == ["spool-locked"]
     for seq in range(10):
-        first.append(seq, frame(seq))
-        second.append(seq, frame(seq))
+        first.append(seq, payload(seq))
+        second.append(seq, payload(seq))
     until(lambda: first.synced_seq == 9)
     assert second.synced_seq == -1
     assert len(segments(directory)) == 1
-    assert read_all(second, BOOTS[2], 0, 9)[0] == {seq: frame(seq) for seq in range(10)}
+    assert read_all(second, BOOTS[2], 0, 9)[0] == {seq: payload(seq) for seq in range(10)}
     first.close(5.0)
     until(lambda: second.synced_seq == 9)  # tried again by itself
     second.poll()
@@ -309,6 +309,6 @@ def test_a_damaged_tail_is_told_and_left_alone(tmp_path: Path) -> None:
     assert file.read_bytes() == harmed
     assert len(segments(directory)) == 2
     frames, gone = read_all(spool, BOOTS[1], 0, 99)
-    assert frames == {seq: frame(seq) for seq in range(99)}
+    assert frames == {seq: payload(seq) for seq in range(99)}
     assert gone == {99}
     spool.close(1.0)

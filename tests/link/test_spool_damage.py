@@ -8,7 +8,7 @@ import pytest
 from onboard.spool import writer
 from onboard.spool.examine import Examination, frames_of
 from onboard.spool.shelf import segments_in
-from tests.link.spooling import filled, frame, identity, read_all, spool_at
+from tests.link.spooling import filled, identity, payload, read_all, spool_at
 
 BOOT = identity().boot_id
 COUNT = 60
@@ -34,7 +34,7 @@ def examined(directory: Path) -> Examination:
 def check(directory: Path) -> set[int]:
     """The frames that are lost; every reader says the same, and `verify` names them."""
     there = dict(frames_of(segments_in(directory)))
-    assert all(data == frame(seq) for seq, data in there.items())
+    assert all(data == payload(seq) for seq, data in there.items())
     lost = set(range(COUNT)) - there.keys()
     examination = examined(directory)
     named: set[int] = set()
@@ -68,8 +68,8 @@ def cut_or_zero(originals: dict[Path, bytes], seed: int, rounds: int) -> None:
         path.write_bytes(harmed)
         lost = check(path.parent)
         # Everything before the damage is read: whole are the records that end before it.
-        whole = {seq for seq in range(COUNT) if frame(seq) in data[:at]}
-        in_file = {seq for seq in range(COUNT) if frame(seq) in data}
+        whole = {seq for seq in range(COUNT) if payload(seq) in data[:at]}
+        in_file = {seq for seq in range(COUNT) if payload(seq) in data}
         if at > 300:  # behind the header
             assert lost == in_file - whole
         findings = examined(path.parent).findings
@@ -117,7 +117,7 @@ def test_a_missing_segment(originals: dict[Path, bytes]) -> None:
     path = list(originals)[1]
     path.unlink()
     lost = check(path.parent)
-    assert lost == {seq for seq in range(COUNT) if frame(seq) in originals[path]}
+    assert lost == {seq for seq in range(COUNT) if payload(seq) in originals[path]}
     assert [str(finding).split(": ", 1)[1] for finding in examined(path.parent).findings] == [
         f"cut before it, or a file is missing; lost: frames {min(lost)} to {max(lost)}"
     ]

@@ -11,7 +11,7 @@ from common.sensors import SpoolTable
 from onboard.spool import state as spool_state
 from onboard.spool.examine import Examination
 from onboard.spool.shelf import segments_in
-from tests.link.spooling import MIB, QUICK, FaultyDisk, Told, filled, frame, identity, read_all, spool_at, until
+from tests.link.spooling import MIB, QUICK, FaultyDisk, Told, filled, identity, payload, read_all, spool_at, until
 
 BOOT = identity().boot_id
 
@@ -25,13 +25,13 @@ def _over_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_every_sync_takes_half_a_second(tmp_path: Path) -> None:
     disk = FaultyDisk()
     spool = spool_at(tmp_path / "spool", disk=disk)
-    spool.append(0, frame(0))
+    spool.append(0, payload(0))
     disk.sync_s = 0.5
     longest = 0.0
     for seq in range(1, 200):
         begin = time.thread_time()  # of this thread: other work on the machine does not count, waiting is seen below
         wall = time.monotonic()
-        spool.append(seq, frame(seq, 1200))
+        spool.append(seq, payload(seq, 1200))
         longest = max(longest, min(time.monotonic() - wall, 0.4 + time.thread_time() - begin))
         time.sleep(0.005)
     assert disk.syncs >= 2
@@ -46,18 +46,18 @@ def test_the_queue_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(spool_state, "QUEUE_BYTES", 20_000)
     disk, told = FaultyDisk(), Told()
     spool = spool_at(tmp_path / "spool", disk=disk, told=told)
-    spool.append(0, frame(0))
+    spool.append(0, payload(0))
     until(lambda: spool.synced_seq == 0)
     disk.gate.clear()
     for seq in range(1, 201):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     assert told.codes == ["spool-behind"]
     assert spool.status()["dropped"] == 100
-    assert read_all(spool, BOOT, 0, 200)[0] == {seq: frame(seq) for seq in range(201)}  # still in memory
+    assert read_all(spool, BOOT, 0, 200)[0] == {seq: payload(seq) for seq in range(201)}  # still in memory
     disk.gate.set()
     until(lambda: spool.synced_seq == 100)
     for seq in range(201, 211):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
         until(lambda seq=seq: spool.synced_seq == seq)  # type: ignore[misc]
     assert told.codes == ["spool-behind", "spool-caught-up"]
     assert told[1].evidence["dropped"] == 100
@@ -65,7 +65,7 @@ def test_the_queue_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     later = spool_at(tmp_path / "spool", 2)
     frames, gone = read_all(later, BOOT, 0, 210)
     assert gone == set(range(101, 201))
-    assert frames == {seq: frame(seq) for seq in range(211) if seq not in gone}
+    assert frames == {seq: payload(seq) for seq in range(211) if seq not in gone}
     later.close(1.0)
 
 
@@ -75,27 +75,27 @@ def test_a_failed_sync_begins_a_new_segment(tmp_path: Path, faults: int) -> None
     directory, disk, told = tmp_path / "spool", FaultyDisk(), Told()
     spool = spool_at(directory, disk=disk, told=told)
     for seq in range(50):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     until(lambda: spool.synced_seq == 49)
     (file,) = directory.glob("*.seg")
     disk.sync_faults = faults
     before = disk.syncs
-    spool.append(50, frame(50))
+    spool.append(50, payload(50))
     until(lambda: disk.syncs > before)
     left = file.read_bytes()
     for seq in range(51, 100):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     until(lambda: spool.synced_seq == 99)
     spool.close(5.0)
     assert file.read_bytes() == left
     assert told.codes == ["spool-failed", "spool-restored"]
     later = spool_at(directory, 2)
-    assert read_all(later, BOOT, 0, 99, 700) == ({seq: frame(seq) for seq in range(100)}, set())
+    assert read_all(later, BOOT, 0, 99, 700) == ({seq: payload(seq) for seq in range(100)}, set())
     later.close(1.0)
     # A power cut may leave of that file only what was synced: nothing is missed, by verify either.
-    file.write_bytes(left[: left.index(frame(49)) + len(frame(49))])
+    file.write_bytes(left[: left.index(payload(49)) + len(payload(49))])
     later = spool_at(directory, 3)
-    assert read_all(later, BOOT, 0, 99) == ({seq: frame(seq) for seq in range(100)}, set())
+    assert read_all(later, BOOT, 0, 99) == ({seq: payload(seq) for seq in range(100)}, set())
     later.close(1.0)
     assert examined(directory, BOOT).findings == []
 
@@ -104,7 +104,7 @@ def test_the_very_first_sync_fails(tmp_path: Path) -> None:
     directory, disk, told = tmp_path / "spool", FaultyDisk(), Told()
     disk.sync_faults = 1
     spool = spool_at(directory, disk=disk, told=told)
-    spool.append(0, frame(0))
+    spool.append(0, payload(0))
     until(lambda: spool.synced_seq == 0)
     spool.close(5.0)
     assert len(list(directory.glob("*.seg"))) == 1
@@ -116,7 +116,7 @@ def test_read_only(tmp_path: Path) -> None:
     disk.read_only = True
     spool = spool_at(directory, disk=disk, told=told)
     for seq in range(20):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     assert told.codes == ["spool-failed"]
     assert "Read-only" in told[0].text
     assert spool.status()["fault"] == "Read-only file system"
@@ -139,12 +139,12 @@ def test_read_only_while_it_runs(tmp_path: Path) -> None:
         if seq == 40:
             until(lambda: spool.status()["fault"] is not None)
             disk.read_only = False
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     until(lambda: spool.synced_seq == 59)
     spool.close(5.0)
     assert told.codes == ["spool-failed", "spool-restored"]
     later = spool_at(directory, 2)
-    assert read_all(later, BOOT, 0, 59) == ({seq: frame(seq) for seq in range(60)}, set())
+    assert read_all(later, BOOT, 0, 59) == ({seq: payload(seq) for seq in range(60)}, set())
     later.close(1.0)
 
 
@@ -182,7 +182,7 @@ def full_disk(directory: Path, disk: FaultyDisk | None, table: SpoolTable, told:
     spool = spool_at(directory, 2, disk=disk, table=table, told=told)
     count = 36_000
     for seq in range(count):
-        spool.append(seq, frame(seq, 1000))
+        spool.append(seq, payload(seq, 1000))
         if seq % 500 == 0:
             until(lambda seq=seq: spool.synced_seq >= seq - 500)  # type: ignore[misc]
     until(lambda: spool.synced_seq == count - 1)
@@ -194,7 +194,7 @@ def full_disk(directory: Path, disk: FaultyDisk | None, table: SpoolTable, told:
     frames, gone = read_all(spool, boot, 0, count - 1)
     assert 0 < first < count - 4000
     assert gone == set(range(first))
-    assert all(data == frame(seq, 1000) for seq, data in frames.items())
+    assert all(data == payload(seq, 1000) for seq, data in frames.items())
     spool.close(5.0)
     assert not any(finding.is_damage for finding in examined(directory, boot).findings)
 
@@ -222,12 +222,12 @@ def test_a_full_disk_with_nothing_of_ours_to_remove(tmp_path: Path) -> None:
     disk.room = 100
     spool = spool_at(tmp_path / "spool", disk=disk, told=told, table=QUICK)
     for seq in range(30):
-        spool.append(seq, frame(seq))
+        spool.append(seq, payload(seq))
     until(lambda: spool.status()["fault"] is not None)
     assert len(read_all(spool, BOOT, 0, 29)[0]) == 30
     disk.room = 10 * MIB
     until(lambda: spool.synced_seq == 29)
     spool.close(5.0)
     later = spool_at(tmp_path / "spool", 2)
-    assert read_all(later, BOOT, 0, 29) == ({seq: frame(seq) for seq in range(30)}, set())
+    assert read_all(later, BOOT, 0, 29) == ({seq: payload(seq) for seq in range(30)}, set())
     later.close(1.0)

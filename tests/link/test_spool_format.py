@@ -24,7 +24,7 @@ from onboard.spool.format import (
     seed_of,
     unpack_header,
 )
-from tests.link.spooling import filled, frame, identity
+from tests.link.spooling import filled, identity, payload
 
 BOOT = identity().boot_id
 SEED = seed_of(BOOT)
@@ -132,7 +132,7 @@ def test_the_reader_of_the_page(tmp_path: Path) -> None:
     filled(tmp_path / "spool", 300)
     (file,) = (tmp_path / "spool").glob("*.seg")
     data = bytearray(file.read_bytes())
-    at = data.index(frame(100))
+    at = data.index(payload(100))
     data[at] ^= 1
     file.write_bytes(data)
     code = re.search(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
@@ -143,7 +143,7 @@ def test_the_reader_of_the_page(tmp_path: Path) -> None:
     exec(code[1], names)
     head, records = names["read_segment"](str(file))  # type: ignore[operator]
     assert head["boot_id"] == BOOT
-    assert [item for item in records if item[0] != 100] == [(seq, frame(seq)) for seq in range(300) if seq != 100]
+    assert [item for item in records if item[0] != 100] == [(seq, payload(seq)) for seq in range(300) if seq != 100]
     assert len(records) == 299
 
 

@@ -9,17 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.link.spooling import filled, frame, identity, read_all, spool_at
+from tests.link.spooling import filled, identity, payload, read_all, spool_at
 
 WRITER = """
 import sys, time
 from pathlib import Path
 from common.sensors import SpoolTable
-from tests.link.spooling import frame, spool_at
+from tests.link.spooling import payload, spool_at
 table = SpoolTable(max_mib=1000, min_free_mib=0, sync_s=float(sys.argv[3]))
 spool = spool_at(Path(sys.argv[1]), int(sys.argv[2]), table=table)
 for seq in range(10**9):
-    spool.append(seq, frame(seq, 1200))
+    spool.append(seq, payload(seq, 1200))
     if spool.synced_seq >= 0:
         sys.stdout.write(f"{spool.synced_seq}\\n")
         sys.stdout.flush()
@@ -53,7 +53,7 @@ def kills(directory: Path, count: int, seed: int) -> None:
         spool.close(1.0)
         assert run.next_seq > durable
         assert not gone
-        assert frames == {seq: frame(seq, 1200) for seq in range(run.next_seq)}
+        assert frames == {seq: payload(seq, 1200) for seq in range(run.next_seq)}
 
 
 def test_killed_twice(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from onboard.spool import Spool, shelf, writer
 from onboard.spool import state as spool_state
-from tests.link.spooling import FaultyDisk, Told, frame, identity, read_all, spool_at, until
+from tests.link.spooling import FaultyDisk, Told, identity, payload, read_all, spool_at, until
 
 SEGMENT = 6000
 RING = 3000
@@ -52,7 +52,7 @@ class SpoolModel(RuleBasedStateMachine):
         assert self.spool is not None
         self.next_seq += hole
         for _ in range(count):
-            data = frame(self.next_seq, size)
+            data = payload(self.next_seq, size)
             self.spool.append(self.next_seq, data)
             self.made[self.boot][self.next_seq] = data
             self.next_seq += 1

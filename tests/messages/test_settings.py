@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import pytest
 
 from common.errors import SettingsError
-from common.ranges import MaxLength, OneOf, Range
+from common.ranges import MaxLength, NeededFor, OneOf, OnlyFor, Range
 from common.sensors import BoatConfig
 from common.settings import as_dict, convert, read_toml
 
@@ -113,6 +113,32 @@ class _Outer:
 )
 def test_a_fault_names_its_key(change: dict[str, Any], fault: str) -> None:
     assert faults({"inner": {"length": 1}, **change}, _Outer) == [fault]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shared:
+    """A file that a reader and a writer read."""
+
+    path: str
+    lines: Annotated[int, OnlyFor("reader"), Range(1, 9)] = 1
+    size: Annotated[float | None, NeededFor("writer")] = None
+
+
+@pytest.mark.parametrize(
+    ("use", "change", "fault"),
+    [
+        ("reader", {"lines": 10}, "lines: must be <= 9, got 10"),
+        ("writer", {"lines": 1, "size": 1}, "lines: unknown key (known: path, size)"),
+        (None, {"lines": 1}, "lines: unknown key (known: path, size)"),
+        ("writer", {}, "size: missing"),
+    ],
+)
+def test_each_use_of_a_file_knows_and_needs_its_own_keys(use: str | None, change: dict[str, Any], fault: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        convert({"path": "a", **change}, _Shared, use=use)
+    assert caught.value.faults == [fault]
+    assert convert({"path": "a", "lines": 3}, _Shared, use="reader") == _Shared(path="a", lines=3)
+    assert convert({"path": "a", "size": 3}, _Shared, use="writer") == _Shared(path="a", size=3.0)
 
 
 def test_a_whole_number_is_taken_for_a_float() -> None:

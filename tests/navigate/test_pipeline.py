@@ -19,6 +19,7 @@ from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, HOME, sail
 from tests.offline import config_of
 from tests.offline import frames_of as offline_frames
+from tests.strategies import numbered_frame
 
 FILTERS = ("fuzzy", "ukf", "kf", "fuzzy-thesis")
 
@@ -266,7 +267,7 @@ def test_velocity_and_course_only_from_speeds_that_carry_them() -> None:
 
 
 def test_an_empty_frame_is_a_frame() -> None:
-    frame = Frame(boat_id="b", boot_id="b1", seq=0, clock_id="c", start_no=1, t0_ns=0, t1_ns=10**8)
+    frame = numbered_frame(0)
     output = Pipeline(BOAT, ("fuzzy",)).push(frame)
     assert (output.estimates, output.events) == ((), ())
 

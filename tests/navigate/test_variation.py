@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from shore.navigation.measurements import Reader, TrueHeading
 from shore.navigation.variation import Variation, decimal_year
 from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, sail
+from tests.strategies import numbered_frame
 
 PUBLISHED = (
     (2025.0, 80.0, 0.0, 1.28),
@@ -170,20 +170,16 @@ def test_a_boat_with_a_magnetic_compass_alone_finds_its_true_heading(short_voyag
     assert codes == ["variation-used", "filter-started", "filter-aligned"]
 
 
-def frame(seq: int, **lists: Any) -> Frame:
-    t0_ns = seq * 10**8
-    return Frame(
-        boat_id="b", boot_id="b1", seq=seq, clock_id="c", start_no=1, t0_ns=t0_ns, t1_ns=t0_ns + 10**8,
-        utc_ns=utc_ns(2026, 6, 1) + t0_ns, **lists,
-    )  # fmt: skip
+def dated_frame(seq: int, *entries: Fix | Heading) -> Frame:
+    return numbered_frame(seq, *entries, utc_ns=utc_ns(2026, 6, 1) + seq * 10**8)
 
 
 def test_a_magnetic_heading_waits_for_the_fix_that_places_it() -> None:
     reader = Reader(NO_VARIATION, lambda told: None)
     reading = Heading(sensor="compass1", t_ns=0, heading_mag_deg=10.0)
     fix = Fix(sensor="gps1", t_ns=0, lat_deg=47.0, lon_deg=-52.0)
-    assert reader.read(frame(0, headings=(reading,))) == ()
-    _, heading = reader.read(frame(1, fixes=(fix,), headings=(reading,)))
+    assert reader.read(dated_frame(0, reading)) == ()
+    _, heading = reader.read(dated_frame(1, fix, reading))
     assert isinstance(heading, TrueHeading)
     assert math.degrees(heading.heading_rad) == pytest.approx(
         10.0 + asked(47.0, -52.0, utc_ns(2026, 6, 1))[0], abs=1e-4
@@ -197,7 +193,7 @@ def test_device_and_boats_file_go_before_the_model() -> None:
     readings = tuple(
         Heading(sensor="compass1", t_ns=k, heading_mag_deg=10.0, variation_deg=(None, -4.0)[k]) for k in range(2)
     )
-    _, by_file, by_device = reader.read(frame(0, fixes=(fix,), headings=readings))
+    _, by_file, by_device = reader.read(dated_frame(0, fix, *readings))
     assert isinstance(by_file, TrueHeading)
     assert isinstance(by_device, TrueHeading)
     assert math.degrees(by_file.heading_rad) == pytest.approx(13.0)
@@ -210,9 +206,9 @@ def test_a_backfilled_fix_does_not_move_the_variation() -> None:
     reader = Reader(NO_VARIATION, lambda told: None)
     fixes = {lat: Fix(sensor="gps1", t_ns=0, lat_deg=lat, lon_deg=-52.0) for lat in (47.0, 47.15)}
     reading = Heading(sensor="compass1", t_ns=0, heading_mag_deg=10.0)
-    reader.read(frame(5, fixes=(fixes[47.15],)))
+    reader.read(dated_frame(5, fixes[47.15]))
     before = reader.true_heading(reading)
-    reader.read(frame(1, fixes=(fixes[47.0],)))
+    reader.read(dated_frame(1, fixes[47.0]))
     assert reader.true_heading(reading) == before
-    reader.read(frame(6, fixes=(fixes[47.0],)))
+    reader.read(dated_frame(6, fixes[47.0]))
     assert reader.true_heading(reading) != before

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.errors import WayfixError
+from common.errors import SettingsError, WayfixError
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.recording import recording_voyage
 from tests.recordings import BLUEBOAT, BLUEBOAT_MAP
@@ -151,3 +151,28 @@ def test_a_wrong_mapping_is_told_with_the_key(tmp_path: Path) -> None:
         recording_voyage(file, map_file)
     with pytest.raises(WayfixError, match="cannot be read"):
         recording_voyage(tmp_path / "none.csv", BLUEBOAT_MAP)
+
+
+def test_what_only_an_import_understands_is_unknown_to_a_voyage(tmp_path: Path) -> None:
+    mapping = MAP.replace('column = "ms"', 'column = "ms"\nunix = false').replace('lon = "lon"\nr', 'north = "n"\nr', 1)
+    file, map_file = small(tmp_path, [good_row(0)], mapping)
+    with pytest.raises(SettingsError) as caught:
+        recording_voyage(file, map_file)
+    assert caught.value.faults == [
+        "time.unix: unknown key (known: column, scale)",
+        "fix.north: unknown key (known: lat, lon, rate_hz, noise_m)",
+        "fix.lon: missing",
+    ]
+
+
+def test_a_voyage_wants_every_part(tmp_path: Path) -> None:
+    file, map_file = small(tmp_path, [good_row(0)], '[boat]\nid = "b"\n[time]\ncolumn = "ms"\n[imu]\nyaw_rate = "r"\n')
+    with pytest.raises(SettingsError) as caught:
+        recording_voyage(file, map_file)
+    assert caught.value.faults == [
+        "fix: missing",
+        "heading: missing",
+        "imu.accel_fwd: missing",
+        "imu.accel_stb: missing",
+        "reference: missing",
+    ]

@@ -12,7 +12,7 @@ from common.messages import Event, Frame
 from common.settings import as_dict
 from common.simulation.scenarios import scenario_voyage
 from shore.logbook.read import read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.record import log_at
 from shore.logbook.session import start_record
 from shore.pipeline import Pipeline
 from tests import offline
@@ -45,7 +45,7 @@ def trip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     odd = Event(t_ns=frames[200].t1_ns, source="gps1", code="odd", level="warning", text=HORROR)
     frames[200] = replace(frames[200], events=(odd,))
     pipeline = Pipeline(config, ["fuzzy", "ukf"])
-    writer = LogWriter.at(path)
+    writer = log_at(path)
     options = {"filters": ["fuzzy", "ukf"], "step_s": None}
     writer.write_session(start_record({"config": as_dict(config)}, options, UTC_NS), UTC_NS)
     writer.write_session({"kind": "trip", "name": HORROR, "note": HORROR}, UTC_NS)

@@ -17,7 +17,7 @@ from common.codec import encode_frame
 from common.messages import Event, Frame
 from shore.exports import arguments, formats
 from shore.exports.command import run
-from shore.logbook.record import LogWriter
+from shore.logbook.record import log_at
 from shore.logbook.session import start_record
 from shore.navigation.estimate import Estimate
 
@@ -98,7 +98,7 @@ def empty_frame(t_s: float, **more: Any) -> Frame:
 
 def log_of(path: Path, items: Sequence[dict[str, Any] | Frame | Event], made: dict[str, Any] | None = None) -> Path:
     """A log of these, in this order; an estimate brings an empty frame. made: of which recording, which has no UTC."""
-    writer = LogWriter.at(path)
+    writer = log_at(path)
     begin_ns = UTC_NS if made is None else 0
     connected: dict[str, Any] = {"config": {"boat": {"id": "x"}}} | ({"file": made} if made else {})
     writer.write_session(start_record(connected, {"filters": ["ukf"]}, begin_ns), begin_ns)

@@ -14,7 +14,7 @@ from common.messages import Fix, Frame
 from shore.logbook.mcap.damage import Loss
 from shore.logbook.mcap.records import HEAD
 from shore.logbook.mcap.scan import Scan
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from shore.navigation.estimate import Estimate
 from tests.strategies import frame_of
 
@@ -53,7 +53,7 @@ def write(
     made: Callable[[int], Frame] = frame,
 ) -> tuple[Path, list[tuple[int, int]]]:
     """A closed log; and (file size, frames readable then) after each sync."""
-    writer = LogWriter(directory, "springer", utc_ns)
+    writer = new_log(directory, "springer", utc_ns)
     writer.write_session(START, utc_ns)
     synced = [(writer.path.stat().st_size, 0)]
     for count, seq in enumerate(order, 1):

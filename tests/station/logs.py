@@ -12,7 +12,7 @@ from common.codec import encode_frame
 from common.messages import Frame
 from common.sensors import BoatConfig
 from shore.logbook.read import LogRecord, read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from shore.pipeline import Pipeline
 from shore.replay.comparison import Counts
 from shore.replay.run import Replay
@@ -42,7 +42,7 @@ def log_of(
     directory: Path, frames: Sequence[Frame], changes: dict[int, BoatConfig] | None = None, *, synced: bool = False
 ) -> Path:
     """What a live run would have written; `changes`: before the frame of that number the board has a new file."""
-    writer = LogWriter(directory, "springer", UTC_NS)
+    writer = new_log(directory, "springer", UTC_NS)
     writer.write_session(session(), UTC_NS)
     pipeline = Pipeline(BOAT, FILTERS)
     for number, frame in enumerate(frames):

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from common.codec import decode_frame, encode_frame
 from shore.logbook.read import read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.record import log_at
 from shore.logbook.session import start_record
 from tests.station.exporting import (
     GEOJSON,
@@ -243,7 +243,7 @@ def test_late_frames_are_told_and_used_in_order_of_time(
     frames = [decode_frame(data) for data in reader.frames()]
     config = next(reader.session())["connected"]
     late = tmp_path / "late.mcap"
-    writer = LogWriter.at(late)
+    writer = log_at(late)
     writer.write_session(start_record(config, {"filters": ["ukf"]}, UTC_NS), UTC_NS)
     frames[20], frames[40] = frames[40], frames[20]  # two seconds are not late
     for frame in (*frames[:150], *frames[250:], *frames[150:250]):

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from common.codec import encode_frame
 from common.messages import Frame
-from shore.exports.clocks import Clock, Clocks
-from shore.logbook.record import LogWriter
+from shore.exports.clocks import BoardClock, Clocks
+from shore.logbook.record import log_at
 from shore.logbook.session import start_record
 from tests.station.exporting import (
     NS,
@@ -30,8 +30,8 @@ from tests.station.exporting import (
 )
 
 
-def clock(*frames: Frame) -> Clock:
-    made = Clock(0, 0, 0.0)
+def clock(*frames: Frame) -> BoardClock:
+    made = BoardClock(0, 0, 0.0)
     for frame in frames:
         made.told(frame)
     made.settle()
@@ -89,7 +89,7 @@ def test_a_live_log_without_utc_goes_by_its_quickest_arrivals(tmp_path: Path) ->
 def test_an_import_with_a_date_goes_by_what_it_says(tmp_path: Path) -> None:
     """Its frames had no UTC, its arrivals are the recording's own."""
     log = tmp_path / "log.mcap"
-    writer = LogWriter.at(log)
+    writer = log_at(log)
     connected = {"config": {"boat": {"id": "x"}}, "file": {"clock": "own"}}
     writer.write_session(start_record(connected, {"filters": ["ukf"]}, UTC_NS), UTC_NS)
     frame = replace(empty_frame(1.0), utc_ns=None, utc_src="none")

@@ -11,7 +11,7 @@ import pytest
 from common.events import event
 from common.geodesy import LocalPlane
 from shore.exports.png import SHOWN, _Thinned
-from shore.report.trip import Trip, draw
+from shore.report.trip import TripPlot, draw
 from tests.station.exporting import (
     NS,
     UTC_NS,
@@ -21,12 +21,12 @@ from tests.station.exporting import (
 )
 
 
-def trip_of(rows: np.ndarray, **more: Any) -> Trip:
+def trip_of(rows: np.ndarray, **more: Any) -> TripPlot:
     defaults: dict[str, Any] = {
         "title": "cost $5 and $6_", "subtitle": "海上試験", "has_utc": True, "origin": (50.0, -1.0),
         "fixes": rows[::5, 1:3],
     }  # fmt: skip
-    return Trip(rows=rows, **(defaults | more))
+    return TripPlot(rows=rows, **(defaults | more))
 
 
 def straight(count: int = 200, spread_m: float = 1000.0) -> np.ndarray:
@@ -74,7 +74,7 @@ def test_a_long_trip_is_thinned_and_keeps_its_pieces() -> None:
 def test_a_picture_of_a_log_has_right_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from shore.exports import png
 
-    drawn: list[Trip] = []
+    drawn: list[TripPlot] = []
     monkeypatch.setattr(png, "draw", lambda _stream, trip: drawn.append(trip))
     items: list[Any] = [estimate(t_s, 50.0 + t_s / 1e4, -1.0) for t_s in range(1, 5)]
     items.append(event("link-lost", 3 * NS, "link", age_s=3.5))

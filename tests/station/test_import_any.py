@@ -12,14 +12,14 @@ from common.codec import encode_frame
 from common.errors import WayfixError
 from common.messages import Fix, Heading, TurnRate
 from common.sensors import BoatTable
+from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
 from common.units import NS_PER_S
 from shore.imports import frames as cut
 from shore.imports.account import Rejected
-from shore.imports.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
 from shore.imports.plan import NO_TIME, Plan
-from shore.imports.reader import Lines, Reader
+from shore.imports.reader import Lines, RecordingReader
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.imports.values import utc_ns_of
 from tests.station.imports import ISO, T0, iso, tpv
@@ -77,7 +77,7 @@ class Given(Lines):
         return iter(self._given)
 
 
-def through(first: Reader, second: Reader) -> None:
+def through(first: RecordingReader, second: RecordingReader) -> None:
     """A whole import up to the frames' bytes: the codec refuses every value that is out of its range."""
     times, config = array("q"), []
     for record in first.records():
@@ -99,7 +99,7 @@ def through(first: Reader, second: Reader) -> None:
 
     identity = cut.identity_of(cut.greeting_of(boat, "", {}))
     known = {table.id for table in boat.sensor}
-    for frame in cut.frames_of(placed(), boat, identity, cut.Clock("rtc", 1)):
+    for frame in cut.frames_of(placed(), boat, identity, cut.RecordingClock("rtc", 1)):
         encode_frame(frame)
         assert {one.sensor for name in ("fixes", "headings", "attitudes") for one in getattr(frame, name)} <= known
 

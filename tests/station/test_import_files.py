@@ -12,7 +12,7 @@ from common.codec import decode_frame
 from common.errors import WayfixError
 from common.sensors import BoatConfig
 from common.settings import convert
-from shore.imports.kinds import Kind
+from shore.imports.kinds import RecordingKind
 from shore.logbook.estimates import logged
 from shore.logbook.read import read_log
 from shore.pipeline import Pipeline
@@ -89,10 +89,10 @@ def refusal_of(path: Path) -> str | None:
     return next((words for pattern, words in REFUSED.items() if path.match(pattern)), None)
 
 
-def kind_of(path: Path) -> Kind:
+def kind_of(path: Path) -> RecordingKind:
     if path.suffix == ".chk" or path.name == "passthrough.log":
-        return Kind.GPSD
-    return Kind.TABLE if map_of(path) else Kind.SERIAL
+        return RecordingKind.GPSD
+    return RecordingKind.TABLE if map_of(path) else RecordingKind.SERIAL
 
 
 @pytest.fixture

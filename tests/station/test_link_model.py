@@ -24,6 +24,7 @@ from onboard.link.router import Receive, Router
 from onboard.link.server import Server
 from onboard.spool import Spool
 from shore.link.ledger import Ledger
+from tests.strategies import numbered_frame
 
 PERIOD_NS = 100 * NS_PER_MS
 WINDOW = 2048
@@ -113,12 +114,7 @@ class Board:
 
     def make(self, count: int) -> None:
         for _ in range(count):
-            t0_ns = self.seq * PERIOD_NS
-            frame = Frame(
-                boat_id="b", boot_id=self.identity.boot_id, seq=self.seq, clock_id="c", start_no=1,
-                t0_ns=t0_ns, t1_ns=t0_ns + PERIOD_NS,
-            )  # fmt: skip
-            self.server.publish(frame)
+            self.server.publish(numbered_frame(self.seq, period_ns=PERIOD_NS, boot_id=self.identity.boot_id))
             self.seq += 1
 
 

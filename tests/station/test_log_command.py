@@ -12,7 +12,7 @@ from common.errors import WayfixError
 from common.events import event
 from common.messages import Frame
 from shore.logbook.census import Census, light_frame
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from shore.terminal import say, tell
 from shore.trips.screens import toml_lines
 from tests.station.log_commands import answer, harmed, put, wayfix_log
@@ -26,7 +26,7 @@ HOUR_NS = 3600 * 10**9
 def trips(tmp_path: Path) -> Path:
     directory = tmp_path / "logs"
     directory.mkdir()
-    named = LogWriter(directory, "springer", UTC_NS + HOUR_NS)
+    named = new_log(directory, "springer", UTC_NS + HOUR_NS)
     named.write_session({**START, "utc_ns": UTC_NS + HOUR_NS}, UTC_NS + HOUR_NS)
     named.write_session({"kind": "trip", "name": "sea trial [1/2]", "place": "Solent"}, UTC_NS + HOUR_NS)
     for number in range(15):

@@ -9,7 +9,7 @@ import pytest
 from common.codec import encode_frame
 from common.command import run_command
 from common.errors import SettingsError
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from tests.station.log_commands import answer, harmed, put, wayfix_log
 from tests.station.log_files import START, UTC_NS, chunks_of, frame, log_bytes, other_writer, records_of, write
 
@@ -136,7 +136,7 @@ def test_a_log_that_ends_behind_its_magic_lost_all(tmp_path: Path, capsys: pytes
 
 
 def test_names_cannot_steer_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    writer = LogWriter(tmp_path, "springer", UTC_NS)
+    writer = new_log(tmp_path, "springer", UTC_NS)
     writer.write_session({"kind": "trip", "name": "sea\x1b[31m\ntrial", "note": "first\nsecond\x07"}, UTC_NS)
     writer.close()
     path = writer.path.rename(tmp_path / "tri\x1b]0;p\n.mcap")
@@ -166,7 +166,7 @@ def test_a_sentence_about_a_file_is_one_line(tmp_path: Path, capsys: pytest.Capt
 def test_a_trip_of_which_nothing_was_aligned_is_where_its_fixes_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    writer = LogWriter(tmp_path, "springer", UTC_NS)
+    writer = new_log(tmp_path, "springer", UTC_NS)
     for seq in range(10):
         writer.write_frame(encode_frame(frame(seq)), frame(seq), UTC_NS + seq)
     writer.close()
@@ -196,7 +196,7 @@ def test_several_logs_are_verified_at_once_and_the_worst_decides(
 
 
 def test_a_log_being_written_is_told_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    writer = LogWriter(tmp_path, "springer", UTC_NS)
+    writer = new_log(tmp_path, "springer", UTC_NS)
     writer.write_session(START, UTC_NS)
     assert wayfix_log("verify", writer.path, "--json") == 0
     said = capsys.readouterr().out

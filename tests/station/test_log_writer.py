@@ -15,8 +15,8 @@ from common.events import event
 from common.simulation.scenarios import scenario_voyage
 from shore.logbook import foxglove
 from shore.logbook.lock import is_being_written
-from shore.logbook.record import LogWriter
-from shore.logbook.recorder import Recorder
+from shore.logbook.record import LogWriter, log_at, new_log
+from shore.logbook.recorder import LogRecorder
 from shore.logbook.session import start_record, trip_record
 from shore.pipeline import Pipeline
 from tests.offline import config_of, frames_of, pushed
@@ -30,7 +30,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("log") / "trip.mcap"
     voyage = scenario_voyage("5.3", seed=1, seconds=60.0)
     pipeline = Pipeline(config_of(voyage), ["fuzzy", "ukf"])
-    writer = LogWriter.at(path)
+    writer = log_at(path)
     writer.write_session(start_record({"config": {"boat": {"id": "springer"}}}, {"filters": ["fuzzy"]}, UTC_NS), UTC_NS)
     writer.write_session({"kind": "trip", "name": "sea trial", "place": "Solent"}, UTC_NS)
     for data, frame, output in pushed(pipeline, frames_of(voyage)):
@@ -103,8 +103,8 @@ def test_a_closed_log_ends_with_its_summary_which_other_programs_see_too(log: Pa
 
 
 def test_the_same_records_give_the_same_bytes(log: Path, tmp_path: Path) -> None:
-    again = LogWriter.at(tmp_path / "again.mcap")
-    other = LogWriter.at(tmp_path / "other.mcap")
+    again = log_at(tmp_path / "again.mcap")
+    other = log_at(tmp_path / "other.mcap")
     for writer in (again, other):
         writer.write_session({"kind": "start"}, UTC_NS)
         writer.close()
@@ -113,7 +113,7 @@ def test_the_same_records_give_the_same_bytes(log: Path, tmp_path: Path) -> None
 
 def test_a_log_at_a_path_appears_when_it_is_closed_and_never_overwrites(tmp_path: Path) -> None:
     path = tmp_path / "out.mcap"
-    writer = LogWriter.at(path)
+    writer = log_at(path)
     writer.write_session({"kind": "start"}, UTC_NS)
     assert not path.exists()
     writer.close()
@@ -121,25 +121,25 @@ def test_a_log_at_a_path_appears_when_it_is_closed_and_never_overwrites(tmp_path
     assert list(tmp_path.iterdir()) == [path]
     before = path.read_bytes()
     with pytest.raises(WayfixError, match="exists already"):
-        LogWriter.at(path)
+        log_at(path)
     assert path.read_bytes() == before
     with pytest.raises(WayfixError, match="cannot be written"):
-        LogWriter.at(tmp_path / "no" / "out.mcap")
+        log_at(tmp_path / "no" / "out.mcap")
 
 
 def test_an_abandoned_log_leaves_nothing(tmp_path: Path) -> None:
-    writer = LogWriter.at(tmp_path / "out.mcap")
+    writer = log_at(tmp_path / "out.mcap")
     writer.write_session({"kind": "start"}, UTC_NS)
     writer.abandon()
     assert list(tmp_path.iterdir()) == []
-    kept = LogWriter.at(tmp_path / "kept.mcap")
+    kept = log_at(tmp_path / "kept.mcap")
     kept.close()
     kept.abandon()
     assert list(tmp_path.iterdir()) == [tmp_path / "kept.mcap"]
 
 
 def test_a_log_is_locked_while_it_is_written(tmp_path: Path) -> None:
-    writer = LogWriter(tmp_path, "springer", UTC_NS)
+    writer = new_log(tmp_path, "springer", UTC_NS)
     assert is_being_written(writer.path)
     writer.close()
     assert not is_being_written(writer.path)
@@ -158,7 +158,7 @@ def test_a_full_disk_names_the_log_and_promises_no_part_of_it(tmp_path: Path, mo
     def full(_descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
-    grown, at_once = LogWriter(tmp_path, "springer", UTC_NS), LogWriter.at(tmp_path / "out.mcap")
+    grown, at_once = new_log(tmp_path, "springer", UTC_NS), log_at(tmp_path / "out.mcap")
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(WayfixError, match="what was written stays readable"):
         grown.sync()
@@ -173,7 +173,7 @@ def test_a_full_disk_names_the_log_and_promises_no_part_of_it(tmp_path: Path, mo
 
 def test_the_run_goes_on_without_a_log_and_knows_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
-    recorder = Recorder(tmp_path, "springer", said.append)
+    recorder = LogRecorder(tmp_path, "springer", said.append)
     recorder.write(LogWriter.sync)
     assert recorder.fault is None
 
@@ -192,7 +192,7 @@ def test_the_run_goes_on_without_a_log_and_knows_why(tmp_path: Path, monkeypatch
 def test_a_slow_disk_delays_nothing_and_the_cursor_waits_for_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    recorder, is_free, done = Recorder(tmp_path, "springer", print), Event(), list[str]()
+    recorder, is_free, done = LogRecorder(tmp_path, "springer", print), Event(), list[str]()
     monkeypatch.setattr("os.fsync", lambda _descriptor: is_free.wait(20.0))
     recorder.sync(lambda: done.append("first"))
     recorder.sync(lambda: done.append("left out: the disk is busy"))
@@ -209,7 +209,7 @@ def test_a_sync_that_fails_beside_the_run_ends_the_log_and_moves_no_cursor(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said: list[str] = []
-    recorder = Recorder(tmp_path, "springer", said.append)
+    recorder = LogRecorder(tmp_path, "springer", said.append)
 
     def full(_descriptor: int) -> None:
         raise OSError(28, "No space left on device")

@@ -17,7 +17,7 @@ from common.codec import decode_frame, encode_frame
 from common.errors import WayfixError
 from common.events import event
 from shore.logbook.read import read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from shore.logbook.schemas import json_schema
 from shore.navigation.estimate import Estimate
 from tests.station.log_files import START, UTC_NS, estimate, frame, write
@@ -36,7 +36,7 @@ def test_frames_come_back_byte_for_byte_in_order_of_arrival(tmp_path: Path) -> N
 
 
 def test_records_of_all_kinds_keep_their_common_order(tmp_path: Path) -> None:
-    writer = LogWriter(tmp_path, "springer", UTC_NS)
+    writer = new_log(tmp_path, "springer", UTC_NS)
     happening = event("link-lost", 5_000, "link", age_s=3.5)
     writer.write_session({"kind": "start"}, UTC_NS)
     writer.write_frame(b"\x80", frame(3), UTC_NS)
@@ -59,7 +59,7 @@ def test_records_of_all_kinds_keep_their_common_order(tmp_path: Path) -> None:
 
 
 def test_estimates_are_read_by_filter_and_what_is_not_finite_is_null(tmp_path: Path) -> None:
-    writer = LogWriter(tmp_path, "b", UTC_NS)
+    writer = new_log(tmp_path, "b", UTC_NS)
     nested = {"sigma": [float("inf"), 1.0], "deep": {"x": float("nan")}}
     writer.write_estimate(estimate(1, name="kf", further=nested), UTC_NS)
     writer.write_estimate(estimate(2, name="ukf"), UTC_NS)
@@ -71,7 +71,7 @@ def test_estimates_are_read_by_filter_and_what_is_not_finite_is_null(tmp_path: P
 
 
 def test_log_time_never_goes_back_though_the_wall_clock_did(tmp_path: Path) -> None:
-    writer = LogWriter(tmp_path, "b", UTC_NS)
+    writer = new_log(tmp_path, "b", UTC_NS)
     for seq, utc_ns in enumerate([UTC_NS, UTC_NS + 50, UTC_NS - 10**12, UTC_NS + 60]):
         writer.write_frame(bytes([seq]), frame(seq), utc_ns)
     writer.close()
@@ -97,7 +97,7 @@ def test_mcaps_own_reader_opens_a_closed_log(tmp_path: Path) -> None:
 def test_two_logs_of_the_same_second_do_not_overwrite_each_other(tmp_path: Path) -> None:
     names = []
     for boat_id in ("spr/../inger", "spr/../inger", "other"):
-        writer = LogWriter(tmp_path / "new" / "deeper", boat_id, UTC_NS)
+        writer = new_log(tmp_path / "new" / "deeper", boat_id, UTC_NS)
         writer.close()
         names.append(writer.path.name)
     assert names == [
@@ -111,9 +111,9 @@ _RECORDER = """
 import sys, time
 from pathlib import Path
 from common.codec import encode_frame
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from tests.station.log_files import START, frame, UTC_NS
-writer = LogWriter(Path(sys.argv[1]), "springer", UTC_NS)
+writer = new_log(Path(sys.argv[1]), "springer", UTC_NS)
 writer.write_session(START, UTC_NS)
 synced = time.monotonic()
 for seq in range(100_000):
@@ -167,7 +167,7 @@ def test_a_reader_knows_at_once_whether_a_log_was_closed(tmp_path: Path) -> None
 
 
 def test_a_log_that_its_writer_has_open_is_no_damaged_one(tmp_path: Path) -> None:
-    writer = LogWriter(tmp_path, "b", UTC_NS)
+    writer = new_log(tmp_path, "b", UTC_NS)
     writer.write_session({"kind": "start"}, UTC_NS)
     reader = read_log(writer.path)
     assert "being written right now" in str(reader.damage)
@@ -210,12 +210,12 @@ _FULL_DISK = """
 import resource, sys
 from pathlib import Path
 from common.errors import WayfixError
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from tests.station.log_files import frame, UTC_NS
 import random
 rng = random.Random(1)
 resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
-writer = LogWriter(Path(sys.argv[1]), "springer", UTC_NS)
+writer = new_log(Path(sys.argv[1]), "springer", UTC_NS)
 synced = 0
 try:
     for seq in range(1000):
@@ -250,7 +250,7 @@ def test_a_directory_that_cannot_be_made_is_told_in_one_sentence(tmp_path: Path)
     blocked.write_text("x")
     for directory in (blocked, blocked / "below"):
         with pytest.raises(WayfixError, match=r"a_file.*no log can be written here.*directory you may write to"):
-            LogWriter(directory, "b", UTC_NS)
+            new_log(directory, "b", UTC_NS)
     assert list(tmp_path.iterdir()) == [blocked]
 
 
@@ -281,7 +281,7 @@ def test_a_pipe_and_a_device_are_no_logs(tmp_path: Path) -> None:
 
 
 def test_a_session_record_is_on_the_disk_at_once(tmp_path: Path) -> None:
-    writer = LogWriter(tmp_path, "b", UTC_NS)
+    writer = new_log(tmp_path, "b", UTC_NS)
     writer.write_session({"kind": "start"}, UTC_NS)
     assert list(read_log(writer.path).session()) == [{"kind": "start"}]
     writer.close()

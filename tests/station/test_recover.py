@@ -12,7 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from common.errors import WayfixError
 from shore.logbook.read import read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.record import new_log
 from shore.logbook.session import trip_record
 from shore.trips.recover import name_log, recover
 from tests.station.log_files import START, UTC_NS, Seen, chunks_of, log_bytes, other_writer, seen, write
@@ -173,7 +173,7 @@ def test_a_damaged_log_gets_no_name(tmp_path: Path, harm: str) -> None:
 
 
 def test_a_log_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
-    writer = LogWriter(tmp_path, "b", UTC_NS)
+    writer = new_log(tmp_path, "b", UTC_NS)
     writer.write_session(START, UTC_NS)
     assert TRIP is not None
     with pytest.raises(WayfixError, match="is being written right now; end the recording first"):

@@ -23,7 +23,7 @@ from common.simulation.voyage import Voyage
 from shore.link.link import Link, Received, Wants
 from shore.live.run import LiveRun, Options
 from shore.logbook.read import read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.record import log_at
 from shore.navigation.estimate import Estimate
 from shore.replay.run import Replay
 from tests import offline
@@ -178,7 +178,7 @@ def ratios(seed: int) -> tuple[float, float]:
     voyage = scenario_voyage("4.2", seed=seed, seconds=150.0, rates=RATES)
     with TemporaryDirectory() as directory:
         path = Path(directory) / "late.mcap"
-        writer = LogWriter.at(path)
+        writer = log_at(path)
         connected = {"config": without_none(asdict(config_of(voyage)))}
         writer.write_session({"kind": "start", "options": {"filters": ["fuzzy"]}, "connected": connected}, UTC_NS)
         for place, frame in enumerate(shuffled(frames_of(voyage), seed, 60.0, 0.35)):

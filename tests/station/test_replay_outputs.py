@@ -12,7 +12,7 @@ from common.events import event
 from common.messages import Frame
 from shore.logbook.foxglove import event_of
 from shore.logbook.read import read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.record import log_at
 from shore.main import main
 from shore.pipeline import Pipeline
 from shore.replay.run import Pace, Replay
@@ -53,7 +53,7 @@ def test_the_trip_is_passed_on_and_in_order_of_arrival_the_link(
     order: str, of_link: int, tmp_path: Path, voyage: list[Frame]
 ) -> None:
     path, new = tmp_path / "a.mcap", tmp_path / "b.mcap"
-    writer = LogWriter.at(path)
+    writer = log_at(path)
     writer.write_session(session(), UTC_NS)
     writer.write_session({"kind": "trip", "name": "trial"}, UTC_NS)
     for number, frame in enumerate(voyage[:40]):

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -13,6 +12,7 @@ from shore.watchers.newest import Newest
 from shore.watchers.status import position_text, status_text
 from shore.watchers.watcher import SourceState
 from tests.navigate.voyages import UNCALIBRATED, frames_of, sail
+from tests.strategies import frame_of
 
 CONFIG = BoatConfig(
     boat=BoatTable(id="b"),
@@ -21,11 +21,9 @@ CONFIG = BoatConfig(
 )
 
 
-def frame(t1_s: float, **lists: Any) -> Frame:
+def ended_at(t1_s: float, *entries: Fix | Heading) -> Frame:
     t1_ns = int(t1_s * NS_PER_S)
-    return Frame(
-        boat_id="b", boot_id="0" * 16, seq=0, clock_id="c", start_no=0, t0_ns=t1_ns - 1000, t1_ns=t1_ns, **lists
-    )
+    return frame_of(*entries, start_no=0, t0_ns=t1_ns - 1000, t1_ns=t1_ns)
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +36,9 @@ def test_every_number_has_its_age_and_a_stale_one_says_so() -> None:
     assert status_text(line, SourceState(0, 0)) == "fuzzy waits | no fix yet | no heading yet | 0 frames, 0 missing"
     fix = Fix(sensor="gps1", t_ns=NS_PER_S, lat_deg=1.0, lon_deg=2.0, fix_quality=1)
     reading = Heading(sensor="compass1", t_ns=NS_PER_S, heading_mag_deg=7.0)
-    line.take(frame(1.5, fixes=(fix,), headings=(reading,)), Output())
+    line.take(ended_at(1.5, fix, reading), Output())
     assert "gps1 GPS (0.5 s) | compass1 007.0°M (0.5 s)" in status_text(line, SourceState(1, 0))
-    line.take(frame(7.0), Output())
+    line.take(ended_at(7.0), Output())
     assert "gps1 GPS STALE (6 s) | compass1 007.0°M STALE (6 s)" in status_text(line, SourceState(2, 0))
 
 
@@ -65,19 +63,19 @@ def test_backfill_changes_nothing_and_a_reboot_begins_anew() -> None:
         t_s: Fix(sensor="gps1", t_ns=t_s * NS_PER_S, lat_deg=1.0, lon_deg=2.0, fix_quality=1 + (t_s == 1))
         for t_s in (1, 50)
     }
-    line.take(frame(50.5, fixes=(fixes[50],)), Output())
+    line.take(ended_at(50.5, fixes[50]), Output())
     newest = status_text(line, SourceState(0, 0))
-    line.take(frame(1.5, fixes=(fixes[1],)), Output())
+    line.take(ended_at(1.5, fixes[1]), Output())
     assert status_text(line, SourceState(0, 0)) == newest
-    line.take(replace(frame(1.5, fixes=(fixes[1],)), clock_id="before", start_no=-1), Output())
+    line.take(replace(ended_at(1.5, fixes[1]), clock_id="before", start_no=-1), Output())
     assert status_text(line, SourceState(0, 0)) == newest
-    line.take(replace(frame(1.5, fixes=(fixes[1],)), clock_id="after", start_no=1), Output())
+    line.take(replace(ended_at(1.5, fixes[1]), clock_id="after", start_no=1), Output())
     assert "gps1 DGPS (0.5 s)" in status_text(line, SourceState(0, 0))
 
 
 def test_a_fix_that_is_not_fused_says_so() -> None:
     line = Newest(CONFIG, "fuzzy")
-    line.take(frame(1.0, fixes=(Fix(sensor="gps1", t_ns=NS_PER_S, fix_quality=0),)), Output())
+    line.take(ended_at(1.0, Fix(sensor="gps1", t_ns=NS_PER_S, fix_quality=0)), Output())
     assert "gps1 not usable" in status_text(line, SourceState(1, 0))
 
 

@@ -1,0 +1,172 @@
+"""The mapping file of a table (CSV): which column is what, in which unit (deploy/examples/*-map.toml explain it).
+
+Two programs read it. An import (`wayfix import`) takes every row as it is, of whatever parts are mapped. A voyage
+(`wayfix-onboard virtual`) sub-samples the rows and adds noise; it wants every part, and knows fewer keys.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Final, TypeVar
+
+from common.ranges import NeededFor, OnlyFor, Range
+from common.sensors import BoatTable
+from common.simulation.readings import SensorFacts
+
+T = TypeVar("T")
+
+IMPORT: Final = "import"
+VOYAGE: Final = "voyage"
+
+ImportOnly = Annotated[T, OnlyFor(IMPORT)]
+VoyageNeeds = Annotated[T, NeededFor(VOYAGE)]
+Rate = Annotated[float, Range(0.01, 1000.0)]
+"""An import takes every row."""
+Noise = Annotated[float, Range(0.0, 1e6)]
+"""An import adds none."""
+Latitude = Annotated[float, Range(-90.0, 90.0)]
+Longitude = Annotated[float, Range(-180.0, 180.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeColumn:
+    """`[time]`."""
+
+    column: str
+    scale: float = 1.0
+    """Seconds in one unit of the column."""
+    nanoseconds: ImportOnly[str | None] = None
+    """Column with the nanoseconds beyond it (ROS)."""
+    unix: ImportOnly[bool] = False
+    """Counts from 1970, UTC."""
+    more: ImportOnly[tuple[str, ...]] = ()
+    """Further columns of a time that is text; joined with a blank."""
+    format: ImportOnly[str | None] = None
+    """How the text is written (Python's strptime), for example "%Y-%m-%d %H:%M:%S.%f"."""
+    utc: ImportOnly[bool] = False
+    """The text is UTC, date included."""
+    wraps_s: ImportOnly[Annotated[float, Range(0.0, 1e9)]] = 0.0
+    """The clock starts again after so long (a twelve-hour clock: 43200); 0 = never."""
+    spread: ImportOnly[bool] = False
+    """Rows of one stamp (whole seconds, several rows in each) lie evenly up to the next."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Every column that must be there."""
+        return _named(self.column, self.nanoseconds, *self.more)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixColumns:
+    """`[fix]`: latitude and longitude (WGS 84), or metres north and east of a given origin."""
+
+    lat: VoyageNeeds[str | None] = None
+    lon: VoyageNeeds[str | None] = None
+    scale: ImportOnly[float] = 1.0
+    """Degrees in one unit."""
+    north: ImportOnly[str | None] = None
+    east: ImportOnly[str | None] = None
+    origin_lat_deg: ImportOnly[Latitude | None] = None
+    origin_lon_deg: ImportOnly[Longitude | None] = None
+    alt: ImportOnly[str | None] = None
+    """m above mean sea level."""
+    sog: ImportOnly[str | None] = None
+    sog_scale: ImportOnly[float] = 1.0
+    """Knots in one unit."""
+    cog: ImportOnly[str | None] = None
+    """Degrees from true north."""
+    mode: ImportOnly[str | None] = None
+    """1 none, 2 = 2D, 3 = 3D."""
+    held: ImportOnly[bool] = False
+    """The columns keep their last value between two fixes: a row that repeats them brings none."""
+    rate_hz: Rate = 1.0
+    noise_m: Noise = 0.0
+    """1-sigma added to each horizontal axis."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Every column that must be there."""
+        return _named(self.lat, self.lon, self.north, self.east, self.alt, self.sog, self.cog, self.mode)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingColumns:
+    """`[heading]`: clockwise from north, true unless it says `magnetic`."""
+
+    column: VoyageNeeds[str | None] = None
+    quaternion: ImportOnly[tuple[str, ...]] = ()
+    """Columns x, y, z, w of the rotation from body (forward, starboard, down) to north, east, down."""
+    scale: float = 1.0
+    """Degrees in one unit; negative = the column counts the other way."""
+    offset_deg: ImportOnly[Annotated[float, Range(-360.0, 360.0)]] = 0.0
+    """Added after scaling."""
+    magnetic: ImportOnly[bool] = False
+    held: ImportOnly[bool] = False
+    rate_hz: Rate = 10.0
+    noise_deg: Noise = 0.0
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Every column that must be there."""
+        return _named(self.column, *self.quaternion)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuColumns:
+    """`[imu]`: body axes forward and starboard, yaw rate + bow to starboard. Without accelerations a rate gyro."""
+
+    accel_fwd: VoyageNeeds[str | None] = None
+    accel_stb: VoyageNeeds[str | None] = None
+    yaw_rate: str
+    accel_scale: float = 1.0
+    """m/s^2 in one unit."""
+    accel_stb_scale: ImportOnly[float | None] = None
+    """The same for starboard, where it is another (a column that points to port)."""
+    yaw_rate_scale: float = 1.0
+    """deg/s in one unit; negative = + bow to port."""
+    held: ImportOnly[bool] = False
+    rate_hz: Rate = 20.0
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Every column that must be there."""
+        return _named(self.accel_fwd, self.accel_stb, self.yaw_rate)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceColumns:
+    """`[reference]`: the best there is to compare with; body velocity over ground, forward and starboard (m/s)."""
+
+    lat: str
+    lon: str
+    heading: str
+    heading_scale: float = 1.0
+    v_fwd: str
+    v_stb: str
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Every column that must be there."""
+        return (self.lat, self.lon, self.heading, self.v_fwd, self.v_stb)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColumnMap:
+    """The mapping file; read it for one use: `read_toml(path, ColumnMap, IMPORT)`."""
+
+    boat: BoatTable
+    time: TimeColumn
+    fix: VoyageNeeds[FixColumns | None] = None
+    heading: VoyageNeeds[HeadingColumns | None] = None
+    imu: VoyageNeeds[ImuColumns | None] = None
+    reference: VoyageNeeds[ReferenceColumns | None] = None
+    """An import does not look at it."""
+    facts: SensorFacts = field(default_factory=SensorFacts)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Every column of time and sensors that must be there; those of the reference are its own."""
+        parts = (self.time, self.fix, self.heading, self.imu)
+        return tuple(dict.fromkeys(name for part in parts if part is not None for name in part.columns))
+
+
+def _named(*names: str | None) -> tuple[str, ...]:
+    return tuple(name for name in names if name is not None)
