@@ -1,6 +1,6 @@
 """Several filters carried side by side from one moment to the next; all they need to go back is in a `Moment`."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +9,7 @@ from common.messages import ImuBlock
 from shore.navigation.beginning import first_state
 from shore.navigation.filters import Filter, FilterFacts, FilterState
 from shore.navigation.imu import Step
-from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
+from shore.navigation.measurements import Course, Measurement, Position, Seeds, TrueHeading, with_courses
 from shore.navigation.models import ImuInput
 
 
@@ -62,36 +62,18 @@ class Bank:
 
         `shown`: mean of the IMU just before `t_ns`, for the filters that start.
         """
-        fused = tuple(self._with_course(measurements))
-        position, heading = moment.position, moment.heading
+        fused = tuple(measurements if self.has_compass else with_courses(measurements))
+        seeds = Seeds(moment.position, moment.heading)
         for measured in fused:
-            if isinstance(measured, Position):
-                position = measured
-            else:
-                heading = measured
+            seeds = measured.seed(seeds)
         states = tuple(
-            self._begin(each, t_ns, position, heading, shown)
-            if state is None
-            else self._carry(each, state, steps, fused, t_ns)
+            self._begin(each, t_ns, seeds, shown) if state is None else self._carry(each, state, steps, fused, t_ns)
             for each, state in zip(self.filters, moment.states, strict=True)
         )
-        return Moment(t_ns, states, position, heading)
+        return Moment(t_ns, states, *seeds)
 
-    def _with_course(self, measurements: Iterable[Measurement]) -> Iterator[Measurement]:
-        """The measurements; without a compass a fix gives its course as well."""
-        for measured in measurements:
-            yield measured
-            if isinstance(measured, Position) and not self.has_compass and measured.course_rad is not None:
-                yield Course(measured.t_ns, measured.sensor, measured.course_rad)
-
-    def _begin(
-        self,
-        each: Filter,
-        t_ns: int,
-        position: Position | None,
-        heading: TrueHeading | Course | None,
-        shown: ImuInput | None,
-    ) -> FilterState | None:
+    def _begin(self, each: Filter, t_ns: int, seeds: Seeds, shown: ImuInput | None) -> FilterState | None:
+        position, heading = seeds
         if position is None or heading is None:
             return None
         each.start(*first_state(t_ns, position, heading, self._facts, shown))

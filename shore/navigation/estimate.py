@@ -14,6 +14,7 @@ from common.geodesy import LocalPlane
 from common.messages import Frame
 from common.units import M_S_PER_KN
 from shore.navigation.filters import FilterState
+from shore.navigation.measurements import is_angle
 from shore.navigation.models import EAST, HEADING, NORTH, V_EAST, V_NORTH
 from shore.navigation.numbers import Number
 
@@ -120,9 +121,10 @@ def _channels(state: FilterState) -> dict[str, ChannelReport]:
     reports = {}
     for channel, noise in state.noise.items():
         sigma = math.sqrt(noise.variance)
-        is_angle = channel.endswith((".heading", ".course"))
         reports[channel] = ChannelReport(
-            sigma=math.degrees(sigma) if is_angle else sigma, dom_ratio=_plain(noise.dom_ratio), nis=_plain(noise.nis)
+            sigma=math.degrees(sigma) if is_angle(channel) else sigma,
+            dom_ratio=_plain(noise.dom_ratio),
+            nis=_plain(noise.nis),
         )
     return reports
 

@@ -23,26 +23,21 @@ from shore.navigation.kalman import (
     prior_variance,
     update_scalar,
 )
-from shore.navigation.measurements import Course, Known, Measurement, Position, Sailing, Stream
+from shore.navigation.measurements import Lever, Measurement, PseudoMeasurement, Scalar, is_angle
 from shore.navigation.models import (
-    EAST,
     FIVE,
     FREE_NOISE,
-    HEADING,
-    NORTH,
     Extra,
     Gaussian,
     ImuInput,
     ProcessNoise,
     StateSpace,
-    body_to_plane,
-    through_water,
     with_trim,
 )
 from shore.navigation.noise.adaptation import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.rules import NOISE_RULES
-from shore.navigation.numbers import Array, Number, larger, part, wrapped
-from shore.navigation.restart import Opening, Passed
+from shore.navigation.numbers import Array, Number, larger
+from shore.navigation.restart import Opening, Operation, Passed
 from shore.navigation.ukf import predict_unscented
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
@@ -93,8 +88,8 @@ class FilterFacts:
     """While an IMU sample covers the step."""
     free_noise: ProcessNoise = FREE_NOISE
     """While none does."""
-    levers: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Sensor -> where its antenna is, (forward, starboard) of the boat's reference point, m; absent = at it."""
+    levers: Mapping[str, Lever] = field(default_factory=dict)
+    """Sensor -> its lever arm; absent = its antenna is at the reference point."""
 
 
 class Filter:
@@ -137,12 +132,12 @@ class Filter:
         self._note(Passed(dt_s, imu))
         return predicted
 
-    def update(self, measured: Measurement | Known) -> None:
+    def update(self, measured: Measurement | PseudoMeasurement) -> None:
         """Fuse one measurement: its components are independent scalars."""
         self._fuse(measured)
         self._note(measured)
 
-    def _note(self, operation: Passed | Measurement | Known) -> None:
+    def _note(self, operation: Operation) -> None:
         """Keep what was done during the opening; filter it again when that is due."""
         state = self.estimate
         if state.opening is None:
@@ -181,62 +176,23 @@ class Filter:
         self._state = FilterState(state.space, predicted.x, predicted.P, state.noise, repairs, state.opening)
         return predicted
 
-    def _fuse(self, measured: Measurement | Known) -> None:
-        if isinstance(measured, Sailing | Stream):
-            self._fuse_known(measured)
-            return
-        if isinstance(measured, Position):
-            self._update_position(measured)
-            return
-        row: Row = ((HEADING, 1.0),)
-        expected = part(self.estimate.x, HEADING)
-        if isinstance(measured, Course):
-            self._update(f"{measured.sensor}.course", row, wrapped(measured.course_rad - expected))
-            return
-        if (bias := self.facts.space.index("compass_bias_rad")) is not None:
-            row = (*row, (bias, 1.0))
-            expected = expected + part(self.estimate.x, bias)
-        self._update(f"{measured.sensor}.heading", row, wrapped(measured.heading_rad - expected))
+    def _fuse(self, measured: Measurement | PseudoMeasurement) -> None:
+        lever = None if measured.sensor is None else self.facts.levers.get(measured.sensor)
+        for component in measured.parts:
+            state = self.estimate
+            scalar = component(state.space, state.x, lever)
+            if scalar is None:
+                continue
+            if scalar.channel is None:
+                self._know(scalar)
+            else:
+                self._update(scalar.channel, scalar.row, scalar.innovation)
 
-    def _update_position(self, measured: Position) -> None:
-        for component, place, value in (("east", EAST, measured.east_m), ("north", NORTH, measured.north_m)):
-            row: Row = ((place, 1.0),)
-            x = self.estimate.x
-            expected = part(x, place)
-            if lever := self.facts.levers.get(measured.sensor):
-                offset = body_to_plane(*lever, part(x, HEADING))
-                expected = expected + offset[place]
-                # the derivative of (east, north) by a clockwise heading is (north, -east)
-                row = (*row, (HEADING, offset[NORTH] if place == EAST else -offset[EAST]))
-            self._update(f"{measured.sensor}.{component}", row, value - expected)
-
-    def _fuse_known(self, known: Known) -> None:
-        """What no sensor measured: no rule adapts its variance."""
-        if isinstance(known, Stream):
-            self._flow(known)
-            return
-        space = self.facts.space
-        _, (speed, slope) = through_water(space, self.estimate.x)
-        self._know(tuple(slope.items()), -speed, known.athwart)
-        if (way := space.index("way_m_s")) is not None:
-            (speed, slope), _ = through_water(space, self.estimate.x)
-            self._know((*slope.items(), (way, -1.0)), part(self.estimate.x, way) - speed, known.along)
-
-    def _flow(self, stream: Stream) -> None:
-        """The current changes as the field does; what it differs by fades."""
-        for name, value, change in (
-            ("current_east_m_s", stream.east_m_s, stream.change_east_m_s),
-            ("current_north_m_s", stream.north_m_s, stream.change_north_m_s),
-        ):
-            if (place := self.facts.space.index(name)) is not None:
-                x = self.estimate.x.copy()
-                x[..., place] += change
-                self._state = self.estimate._replace(x=x)
-                self._know(((place, 1.0),), value - part(x, place), stream.variance)
-
-    def _know(self, row: Row, innovation: Number, variance: float) -> None:
+    def _know(self, scalar: Scalar) -> None:
+        """Update with a pseudo-measurement: no rule adapts its variance."""
         state = self.estimate
-        x, P = update_scalar(state.gaussian, row, innovation, variance)
+        before = Gaussian(state.space, state.x if scalar.x is None else scalar.x, state.P)
+        x, P = update_scalar(before, scalar.row, scalar.innovation, scalar.variance)
         self._state = state._replace(x=x, P=P)
 
     def _update(self, name: str, row: Row, innovation: Number) -> None:
@@ -261,10 +217,10 @@ class Filter:
         accel: Number = 1.0
         turn: Number = 1.0
         for name, channel in self.estimate.noise.items():
-            if name.endswith((".east", ".north")):
-                accel = larger(accel, channel.drive)
-            else:
+            if is_angle(name):
                 turn = larger(turn, channel.drive)
+            else:
+                accel = larger(accel, channel.drive)
         return ProcessNoise(noise.accel_fwd * accel, noise.accel_stb * accel, noise.yaw_rate * turn)
 
 

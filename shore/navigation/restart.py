@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from shore.navigation.measurements import Known, Measurement, Sailing, Stream
+from shore.navigation.measurements import Measurement, PseudoMeasurement
 from shore.navigation.models import ImuInput
 from shore.navigation.numbers import Array
 
@@ -30,6 +30,15 @@ class Passed(NamedTuple):
     dt_s: float
     imu: ImuInput | None
 
+    @property
+    def sensor(self) -> None:
+        """No sensor."""
+        return
+
+
+Operation = Passed | Measurement | PseudoMeasurement
+"""What is done to a filter."""
+
 
 @dataclass(frozen=True, slots=True)
 class Opening:
@@ -41,7 +50,7 @@ class Opening:
     """Its covariance (..., n, n)."""
     read_from: Mapping[int, str] = field(default_factory=dict)
     """Component -> channel it was read from: its variance holds that channel's R0, and follows when R is learned."""
-    operations: tuple[Passed | Measurement | Known, ...] = ()
+    operations: tuple[Operation, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     """Samples of each sensor."""
     heard: Mapping[str, int] = field(default_factory=dict)
@@ -69,12 +78,12 @@ class Opening:
         """No more to come."""
         return self.due > LAST_DUE or len(self.operations) >= MOST_OPERATIONS
 
-    def then(self, operation: Passed | Measurement | Known) -> "Opening":
+    def then(self, operation: Operation) -> "Opening":
         """With one more operation."""
         operations = (*self.operations, operation)
-        if isinstance(operation, Passed | Sailing | Stream):
-            return replace(self, operations=operations)
         sensor = operation.sensor
+        if sensor is None:
+            return replace(self, operations=operations)
         counts = {**self.counts, sensor: self.counts.get(sensor, 0) + 1}
         return replace(self, operations=operations, counts=counts, heard={**self.heard, sensor: len(operations)})
 

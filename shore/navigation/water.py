@@ -10,12 +10,77 @@ within T what it differed by. The way itself is never told: the filter finds it 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from common.simulation.fields import VectorField
 from shore.navigation.filters import Filter, FilterFacts
-from shore.navigation.measurements import Sailing, Stream
-from shore.navigation.models import EAST, NORTH, Extra, StateSpace
+from shore.navigation.measurements import Lever, Part, Scalar
+from shore.navigation.models import EAST, NORTH, Extra, StateSpace, through_water
 from shore.navigation.numbers import Array, Number, part
+
+
+class Sailing(NamedTuple):
+    """A boat goes through the water where its bow points, with the way it has."""
+
+    athwart: float
+    """Variance of its speed athwart, m^2/s^2."""
+    along: float
+    """Variance of its speed ahead about its way, m^2/s^2."""
+
+    @property
+    def sensor(self) -> None:
+        """No sensor."""
+        return
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """No speed athwart; speed ahead = the way, where that is a state."""
+        return self._no_speed_athwart, self._speed_is_way
+
+    def _no_speed_athwart(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar:
+        _, (speed, slope) = through_water(space, x)
+        return Scalar(tuple(slope.items()), -speed, None, self.athwart)
+
+    def _speed_is_way(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar | None:
+        if (way := space.index("way_m_s")) is None:
+            return None
+        (speed, slope), _ = through_water(space, x)
+        return Scalar((*slope.items(), (way, -1.0)), part(x, way) - speed, None, self.along)
+
+
+class Stream(NamedTuple):
+    """The current that a field gives at the estimated place: it changes as the field does, what it differs by fades."""
+
+    east_m_s: Number
+    north_m_s: Number
+    change_east_m_s: Number
+    """Since the last time, at the place estimated then."""
+    change_north_m_s: Number
+    variance: float
+    """Of each axis, m^2/s^2."""
+
+    @property
+    def sensor(self) -> None:
+        """No sensor."""
+        return
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """East, then north, where the current is a state."""
+        return self._east, self._north
+
+    def _east(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar | None:
+        return self._axis(space.index("current_east_m_s"), x, self.east_m_s, self.change_east_m_s)
+
+    def _north(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar | None:
+        return self._axis(space.index("current_north_m_s"), x, self.north_m_s, self.change_north_m_s)
+
+    def _axis(self, place: int | None, x: Array, value: Number, change: Number) -> Scalar | None:
+        if place is None:
+            return None
+        changed = x.copy()
+        changed[..., place] += change
+        return Scalar(((place, 1.0),), value - part(changed, place), None, self.variance, changed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,10 +15,10 @@ from common.simulation.scenarios import SCENARIOS
 from common.simulation.tables import REALISTIC
 from shore.lab.batch import EIGHT, Setting
 from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
-from shore.navigation.measurements import Position, Sailing, Stream, TrueHeading
+from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.models import FIVE, Extra, ImuInput, StateSpace, through_water
 from shore.navigation.numbers import Array
-from shore.navigation.water import Water
+from shore.navigation.water import Sailing, Stream, Water
 
 UNCALIBRATED = SCENARIOS["uncalibrated"]
 TIDAL = SCENARIOS["tidal-outage"]
