@@ -8,7 +8,7 @@ the states are arrays (..., n), and measurements and inputs are floats for one b
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -92,15 +92,34 @@ class FilterFacts:
     """Sensor -> its lever arm; absent = its antenna is at the reference point."""
 
 
+class Observer(Protocol):
+    """Follows the predictions of a filter, which goes forward only then."""
+
+    def started(self) -> None:
+        """The filter has its first state; what was before is over."""
+        ...
+
+    def passed(self, before: FilterState, predicted: Predicted) -> None:
+        """One prediction has been made."""
+        ...
+
+    def repeats(self) -> None:
+        """The opening is filtered again: all predictions since the start follow once more."""
+        ...
+
+
 class Filter:
     """One filter of one boat, or of a batch of runs; positions in m on the local plane, headings in rad from north."""
 
-    def __init__(self, name: str, predict: Predict, rule: NoiseRule, facts: FilterFacts) -> None:
+    def __init__(
+        self, name: str, predict: Predict, rule: NoiseRule, facts: FilterFacts, observer: Observer | None = None
+    ) -> None:
         self.name = name
         self.facts = facts
         """May be exchanged between two steps, for a filter that is told when a sensor changes."""
         self._predict = predict
         self._rule = rule
+        self._observer = observer
         self._state: FilterState | None = None
 
     @property
@@ -117,13 +136,20 @@ class Filter:
         """
         opening = Opening.at(x, P, read_from or {}) if self._rule.filters_again else None
         self._state = FilterState(self.facts.space, x, P, {}, opening=opening)
+        if self._observer is not None:
+            self._observer.started()
 
     def snapshot(self) -> FilterState:
         """The state, to be given back to `restore`."""
         return self.estimate
 
     def restore(self, state: FilterState) -> None:
-        """Continue from a snapshot, bit for bit."""
+        """Continue from a snapshot, bit for bit.
+
+        Raises: ValueError for any but the newest state while an observer follows.
+        """
+        if self._observer is not None and state is not self._state:
+            raise ValueError(f"filter {self.name} is observed, so it cannot go back")
         self._state = state
 
     def predict(self, dt_s: float, imu: ImuInput | None) -> Predicted:
@@ -152,6 +178,8 @@ class Filter:
 
     def _filter_again(self, opening: Opening) -> None:
         """All operations since the start, with the R learned so far; leaves the windows of a filter that knew it."""
+        if self._observer is not None:
+            self._observer.repeats()
         state, channels = self.estimate, self.facts.channels
         noise = {name: self._rule.held(channels[name], each) for name, each in state.noise.items()}
         P = opening.P.copy()
@@ -174,6 +202,8 @@ class Filter:
         predicted = self._predict(before, dt_s, imu, noise)
         repairs = state.repairs + predicted.repairs
         self._state = FilterState(state.space, predicted.x, predicted.P, state.noise, repairs, state.opening)
+        if self._observer is not None:
+            self._observer.passed(state, predicted)
         return predicted
 
     def _fuse(self, measured: Measurement | PseudoMeasurement) -> None:
@@ -233,20 +263,15 @@ REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
 """Name -> prediction, rule for R. A rule of `noise/rules.py` is at once a filter of its name, behind the UKF."""
 
 
-def build_filter(name: str, facts: FilterFacts) -> Filter:
+def build_filter(name: str, facts: FilterFacts, *, observer: Observer | None = None) -> Filter:
     """A filter of the registry.
 
     Raises: WayfixError for an unknown name.
     """
-    return Filter(name, *parts_of(name), facts)
-
-
-def parts_of(name: str) -> tuple[Predict, NoiseRule]:
-    """What a filter of the registry is made of; raises WayfixError for an unknown name."""
     if name not in REGISTRY:
         raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
     predict, rule = REGISTRY[name]
-    return predict, NOISE_RULES[rule]
+    return Filter(name, predict, NOISE_RULES[rule], facts, observer)
 
 
 def facts_of(config: BoatConfig) -> FilterFacts:

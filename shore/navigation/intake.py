@@ -1,0 +1,39 @@
+"""Frames in, batches for a bank of filters out, on one local tangent plane; and when that plane is the wrong one."""
+
+from collections.abc import Callable
+from typing import Final
+
+from common.geodesy import LocalPlane
+from common.messages import Event, Frame
+from common.sensors import BoatConfig
+from shore.navigation.bank import Batch
+from shore.navigation.imu import ImuTrack, blocks_of, driving_sensor
+from shore.navigation.measurements import Reader
+
+FAR_FIXES: Final = 10
+"""So many fixes in a row beyond the plane's reach: it was the origin that was wrong (or the boat was carried away)."""
+
+
+class Intake:
+    """Converts the frames of one clock of the board on one plane; when that is wrong, another intake is to be made."""
+
+    def __init__(self, config: BoatConfig, tell: Callable[[Event], None]) -> None:
+        self.driver: Final = driving_sensor(config)
+        """The IMU that the filters use, `None` = there is none."""
+        self.imu: Final = ImuTrack(self.driver) if self.driver else None
+        self._reader = Reader(config, tell)
+
+    @property
+    def plane(self) -> LocalPlane | None:
+        """The local plane, `None` before the first usable fix."""
+        return self._reader.plane
+
+    @property
+    def is_plane_wrong(self) -> bool:
+        """True once `FAR_FIXES` fixes in a row lie beyond the plane's reach: everything begins again elsewhere."""
+        return self._reader.far_in_a_row >= FAR_FIXES
+
+    def batch(self, frame: Frame) -> Batch:
+        """The frame's measurements, converted; those of no use are left out."""
+        blocks = blocks_of(frame, self.driver) if self.driver else ()
+        return Batch(frame.t1_ns, frame.boot_id, self._reader.read(frame), blocks)
