@@ -17,7 +17,6 @@ from common.sensors import ROLES, BoatConfig, SensorTable
 from shore.navigation.imu import driving_sensor
 from shore.navigation.kalman import (
     Predicted,
-    Row,
     predict_extended,
     predict_linear,
     prior_variance,
@@ -37,7 +36,7 @@ from shore.navigation.models import (
 from shore.navigation.noise.adaptation import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.rules import NOISE_RULES
 from shore.navigation.numbers import Array, Number, larger
-from shore.navigation.restart import Opening, Operation, Passed
+from shore.navigation.restart import Assumed, Opening, Operation, Passed
 from shore.navigation.ukf import predict_unscented
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
@@ -158,10 +157,15 @@ class Filter:
         self._note(Passed(dt_s, imu))
         return predicted
 
-    def update(self, measured: Measurement | PseudoMeasurement) -> None:
+    def update(self, measured: Measurement) -> None:
         """Fuse one measurement: its components are independent scalars."""
         self._fuse(measured)
         self._note(measured)
+
+    def assume(self, known: PseudoMeasurement) -> None:
+        """Fuse what nothing measured: no rule adapts its variance."""
+        self._fuse_known(known)
+        self._note(Assumed(known))
 
     def _note(self, operation: Operation) -> None:
         """Keep what was done during the opening; filter it again when that is due."""
@@ -190,6 +194,8 @@ class Filter:
         for operation in opening.operations:
             if isinstance(operation, Passed):
                 self._pass(*operation)
+            elif isinstance(operation, Assumed):
+                self._fuse_known(operation.known)
             else:
                 self._fuse(operation)
         noise = {name: each._replace(is_held=False) for name, each in self.estimate.noise.items()}
@@ -206,27 +212,23 @@ class Filter:
             self._observer.passed(state, predicted)
         return predicted
 
-    def _fuse(self, measured: Measurement | PseudoMeasurement) -> None:
-        lever = None if measured.sensor is None else self.facts.levers.get(measured.sensor)
+    def _fuse(self, measured: Measurement) -> None:
+        lever = self.facts.levers.get(measured.sensor)
         for component in measured.parts:
             state = self.estimate
-            scalar = component(state.space, state.x, lever)
-            if scalar is None:
-                continue
-            if scalar.channel is None:
-                self._know(scalar)
-            else:
-                self._update(scalar.channel, scalar.row, scalar.innovation)
+            self._update(component(state.space, state.x, lever))
 
-    def _know(self, scalar: Scalar) -> None:
-        """Update with a pseudo-measurement: no rule adapts its variance."""
-        state = self.estimate
-        before = Gaussian(state.space, state.x if scalar.x is None else scalar.x, state.P)
-        x, P = update_scalar(before, scalar.row, scalar.innovation, scalar.variance)
-        self._state = state._replace(x=x, P=P)
+    def _fuse_known(self, known: PseudoMeasurement) -> None:
+        for component in known.parts:
+            state = self.estimate
+            if (scalar := component(state.space, state.x)) is not None:
+                before = Gaussian(state.space, scalar.x, state.P)
+                x, P = update_scalar(before, scalar.row, scalar.innovation, scalar.variance)
+                self._state = state._replace(x=x, P=P)
 
-    def _update(self, name: str, row: Row, innovation: Number) -> None:
+    def _update(self, scalar: Scalar) -> None:
         """Adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
+        row, innovation, name = scalar
         state, channel = self.estimate, self.facts.channels[name]
         noise = state.noise.get(name) or ChannelNoise(channel.initial_variance)
         prior = prior_variance(state.P, row)

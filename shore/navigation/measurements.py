@@ -30,19 +30,28 @@ class Scalar(NamedTuple):
     """Derivative of the expected number by the state."""
     innovation: Number
     """Measured - expected, m or rad; an angle is wrapped."""
-    channel: str | None
-    """Whose R it has: `gps1.east`, ...; `None` for a pseudo-measurement."""
-    variance: float = 0.0
-    """R of a pseudo-measurement, which no rule adapts."""
-    x: Array | None = None
-    """The state (..., n) that expects it, where that has moved by itself; `None` = the state that was given."""
+    channel: str
+    """Whose R it has: `gps1.east`, ..."""
+
+
+class PseudoScalar(NamedTuple):
+    """The same for a number that nothing measured."""
+
+    x: Array
+    """State (..., n) that expects it; not the one that was given where that is known to have changed."""
+    row: Row
+    innovation: Number
+    variance: float
+    """R, which no rule adapts."""
 
 
 Lever = tuple[float, float]
 """Lever arm: where an antenna is, (forward, starboard) of the boat's reference point, m."""
-Part = Callable[[StateSpace, Array, Lever | None], Scalar | None]
-"""One component of a measurement: (states, x (..., n), lever arm of its sensor) -> its scalar; `None` = these states do
-not show it. It is called with the state after the component before it was fused."""
+Part = Callable[[StateSpace, Array, Lever | None], Scalar]
+"""One component of a measurement: (states, x (..., n), lever arm of its sensor) -> its scalar. It is called with the
+state into which the components before it are fused."""
+PseudoPart = Callable[[StateSpace, Array], PseudoScalar | None]
+"""The same of a pseudo-measurement; `None` where it is about a state that there is not."""
 
 
 def is_angle(channel: str) -> bool:
@@ -86,16 +95,11 @@ class Measurement(Protocol):
 
 
 class PseudoMeasurement(Protocol):
-    """What is fused though nothing measured it: its scalars hold their own R."""
+    """What is fused though nothing measured it."""
 
     @property
-    def sensor(self) -> None:
-        """No sensor."""
-        ...
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """As those of a measurement."""
+    def parts(self) -> tuple[PseudoPart, ...]:
+        """Its components in the order in which they are fused."""
         ...
 
 

@@ -30,13 +30,14 @@ class Passed(NamedTuple):
     dt_s: float
     imu: ImuInput | None
 
-    @property
-    def sensor(self) -> None:
-        """No sensor."""
-        return
+
+class Assumed(NamedTuple):
+    """A pseudo-measurement."""
+
+    known: PseudoMeasurement
 
 
-Operation = Passed | Measurement | PseudoMeasurement
+Operation = Passed | Assumed | Measurement
 """What is done to a filter."""
 
 
@@ -81,9 +82,9 @@ class Opening:
     def then(self, operation: Operation) -> "Opening":
         """With one more operation."""
         operations = (*self.operations, operation)
-        sensor = operation.sensor
-        if sensor is None:
+        if isinstance(operation, Passed | Assumed):
             return replace(self, operations=operations)
+        sensor = operation.sensor
         counts = {**self.counts, sensor: self.counts.get(sensor, 0) + 1}
         return replace(self, operations=operations, counts=counts, heard={**self.heard, sensor: len(operations)})
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from common.simulation.fields import VectorField
 from shore.navigation.filters import Filter, FilterFacts
-from shore.navigation.measurements import Lever, Part, Scalar
+from shore.navigation.measurements import PseudoPart, PseudoScalar
 from shore.navigation.models import EAST, NORTH, Extra, StateSpace, through_water
 from shore.navigation.numbers import Array, Number, part
 
@@ -28,24 +28,19 @@ class Sailing(NamedTuple):
     """Variance of its speed ahead about its way, m^2/s^2."""
 
     @property
-    def sensor(self) -> None:
-        """No sensor."""
-        return
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[PseudoPart, ...]:
         """No speed athwart; speed ahead = the way, where that is a state."""
         return self._no_speed_athwart, self._speed_is_way
 
-    def _no_speed_athwart(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar:
+    def _no_speed_athwart(self, space: StateSpace, x: Array) -> PseudoScalar:
         _, (speed, slope) = through_water(space, x)
-        return Scalar(tuple(slope.items()), -speed, None, self.athwart)
+        return PseudoScalar(x, tuple(slope.items()), -speed, self.athwart)
 
-    def _speed_is_way(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar | None:
+    def _speed_is_way(self, space: StateSpace, x: Array) -> PseudoScalar | None:
         if (way := space.index("way_m_s")) is None:
             return None
         (speed, slope), _ = through_water(space, x)
-        return Scalar((*slope.items(), (way, -1.0)), part(x, way) - speed, None, self.along)
+        return PseudoScalar(x, (*slope.items(), (way, -1.0)), part(x, way) - speed, self.along)
 
 
 class Stream(NamedTuple):
@@ -60,27 +55,22 @@ class Stream(NamedTuple):
     """Of each axis, m^2/s^2."""
 
     @property
-    def sensor(self) -> None:
-        """No sensor."""
-        return
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[PseudoPart, ...]:
         """East, then north, where the current is a state."""
         return self._east, self._north
 
-    def _east(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar | None:
+    def _east(self, space: StateSpace, x: Array) -> PseudoScalar | None:
         return self._axis(space.index("current_east_m_s"), x, self.east_m_s, self.change_east_m_s)
 
-    def _north(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar | None:
+    def _north(self, space: StateSpace, x: Array) -> PseudoScalar | None:
         return self._axis(space.index("current_north_m_s"), x, self.north_m_s, self.change_north_m_s)
 
-    def _axis(self, place: int | None, x: Array, value: Number, change: Number) -> Scalar | None:
+    def _axis(self, place: int | None, x: Array, value: Number, change: Number) -> PseudoScalar | None:
         if place is None:
             return None
         changed = x.copy()
         changed[..., place] += change
-        return Scalar(((place, 1.0),), value - part(changed, place), None, self.variance, changed)
+        return PseudoScalar(changed, ((place, 1.0),), value - part(changed, place), self.variance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,9 +117,9 @@ class Water:
         if self.field is not None:
             was, now = self._flow(before, t_s - dt_s), self._flow(each.estimate.x, t_s)
             variance = self.field_error_m_s**2 * self.field_error_s / dt_s
-            each.update(Stream(*now, now[0] - was[0], now[1] - was[1], variance))
+            each.assume(Stream(*now, now[0] - was[0], now[1] - was[1], variance))
         athwart = 2.0 * self.leeway_m_s**2 * self.leeway_s / dt_s
-        each.update(Sailing(athwart, 2.0 * self.surge_m_s**2 * self.surge_s / dt_s))
+        each.assume(Sailing(athwart, 2.0 * self.surge_m_s**2 * self.surge_s / dt_s))
 
     def _flow(self, x: Array, t_s: float) -> tuple[Number, Number]:
         assert self.field is not None
