@@ -15,6 +15,7 @@ import numpy as np
 from common.errors import WayfixError
 from common.sensors import ROLES, BoatConfig, SensorTable
 from shore.navigation.imu import driving_sensor
+from shore.navigation.judge import Evidence, Judge
 from shore.navigation.kalman import (
     Predicted,
     predict_extended,
@@ -62,6 +63,8 @@ class FilterState(NamedTuple):
     """Predictions before which P needed jitter to be factored."""
     opening: Opening | None = None
     """What happened since the start, while it may have to be filtered again."""
+    judge: Judge | None = None
+    """The judge of its sensors, with all it has heard; `None` = every measurement is fused."""
 
     @property
     def gaussian(self) -> Gaussian:
@@ -111,7 +114,14 @@ class Filter:
     """One filter of one boat, or of a batch of runs; positions in m on the local plane, headings in rad from north."""
 
     def __init__(
-        self, name: str, predict: Predict, rule: NoiseRule, facts: FilterFacts, observer: Observer | None = None
+        self,
+        name: str,
+        predict: Predict,
+        rule: NoiseRule,
+        facts: FilterFacts,
+        *,
+        observer: Observer | None = None,
+        judge: Judge | None = None,
     ) -> None:
         self.name = name
         self.facts = facts
@@ -119,6 +129,8 @@ class Filter:
         self._predict = predict
         self._rule = rule
         self._observer = observer
+        self._judge = judge
+        """That has heard nothing yet."""
         self._state: FilterState | None = None
 
     @property
@@ -134,7 +146,7 @@ class Filter:
         `read_from`: component -> channel whose first sample it is, so that its variance in `P` is that of the channel.
         """
         opening = Opening.at(x, P, read_from or {}) if self._rule.filters_again else None
-        self._state = FilterState(self.facts.space, x, P, {}, opening=opening)
+        self._state = FilterState(self.facts.space, x, P, {}, opening=opening, judge=self._judge)
         if self._observer is not None:
             self._observer.started()
 
@@ -190,7 +202,7 @@ class Filter:
         for place, name in opening.read_from.items():
             if name in noise:
                 P[..., place, place] += noise[name].variance - channels[name].initial_variance
-        self._state = FilterState(state.space, opening.x, P, noise, state.repairs)
+        self._state = FilterState(state.space, opening.x, P, noise, state.repairs, judge=self._judge)
         for operation in opening.operations:
             if isinstance(operation, Passed):
                 self._pass(*operation)
@@ -207,7 +219,8 @@ class Filter:
         noise = self.facts.free_noise if imu is None else with_trim(before, self._driven(self.facts.imu_noise))
         predicted = self._predict(before, dt_s, imu, noise)
         repairs = state.repairs + predicted.repairs
-        self._state = FilterState(state.space, predicted.x, predicted.P, state.noise, repairs, state.opening)
+        x, P = predicted.x, predicted.P
+        self._state = FilterState(state.space, x, P, state.noise, repairs, state.opening, state.judge)
         if self._observer is not None:
             self._observer.passed(state, predicted)
         return predicted
@@ -216,7 +229,7 @@ class Filter:
         lever = self.facts.levers.get(measured.sensor)
         for component in measured.parts:
             state = self.estimate
-            self._update(component(state.space, state.x, lever))
+            self._update(component(state.space, state.x, lever), measured.t_ns)
 
     def _fuse_known(self, known: PseudoMeasurement) -> None:
         for component in known.parts:
@@ -226,21 +239,31 @@ class Filter:
                 x, P = update_scalar(before, scalar.row, scalar.innovation, scalar.variance)
                 self._state = state._replace(x=x, P=P)
 
-    def _update(self, scalar: Scalar) -> None:
-        """Adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
+    def _update(self, scalar: Scalar, t_ns: int) -> None:
+        """Ask the judge, adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
         row, innovation, name = scalar
         state, channel = self.estimate, self.facts.channels[name]
         noise = state.noise.get(name) or ChannelNoise(channel.initial_variance)
         prior = prior_variance(state.P, row)
+        judge, scale = state.judge, None
+        if judge is not None:
+            evidence = Evidence(t_ns, name, innovation, prior, noise.variance, state.gaussian)
+            judge, scale = judge.hear(evidence)
+            if scale is None:
+                self._state = state._replace(judge=judge)
+                return
         noise = self._rule.adapt(channel, noise, innovation, prior)
-        x, P = update_scalar(state.gaussian, row, innovation, noise.variance, noise.spread)
-        theoretical = prior + noise.variance
+        R, spread = noise.variance, noise.spread
+        if scale is not None:
+            # far beyond p, the gains p / (p + R) of a bank fall as 1 / R, and so does their scatter
+            R, spread = scale * R, spread / (scale * scale)
+        x, P = update_scalar(state.gaussian, row, innovation, R, spread)
+        theoretical = prior + R
         noise = noise._replace(nis=innovation * innovation / theoretical)
         if self._rule.reviews:
-            residual = innovation * (noise.variance / theoretical)
-            noise = self._rule.review(channel, noise, residual, prior * noise.variance / theoretical)
+            noise = self._rule.review(channel, noise, innovation * (R / theoretical), prior * R / theoretical)
         channels = {**state.noise, name: noise}
-        self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening)
+        self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening, judge)
 
     def _driven(self, noise: ProcessNoise) -> ProcessNoise:
         """The densities of the inputs, raised by what the channels that see them ask for."""
@@ -265,7 +288,9 @@ REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
 """Name -> prediction, rule for R. A rule of `noise/rules.py` is at once a filter of its name, behind the UKF."""
 
 
-def build_filter(name: str, facts: FilterFacts, *, observer: Observer | None = None) -> Filter:
+def build_filter(
+    name: str, facts: FilterFacts, *, observer: Observer | None = None, judge: Judge | None = None
+) -> Filter:
     """A filter of the registry.
 
     Raises: WayfixError for an unknown name.
@@ -273,7 +298,7 @@ def build_filter(name: str, facts: FilterFacts, *, observer: Observer | None = N
     if name not in REGISTRY:
         raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
     predict, rule = REGISTRY[name]
-    return Filter(name, predict, NOISE_RULES[rule], facts, observer)
+    return Filter(name, predict, NOISE_RULES[rule], facts, observer=observer, judge=judge)
 
 
 def facts_of(config: BoatConfig) -> FilterFacts:
