@@ -1,4 +1,7 @@
-"""The stages of a start: position, heading, and what the IMU is wrong by. Until all are known no estimate is valid."""
+"""Initial alignment: position, heading and the biases of the IMU. Until all of them are known no estimate is valid.
+
+A heading once known is lost again above its limit; biases are awaited once and stay known (a latch, no hysteresis).
+"""
 
 import math
 from typing import Final

@@ -1,4 +1,4 @@
-"""Several filters carried side by side from one moment to the next; all they need to go back is in a `Moment`."""
+"""A bank of filters carried side by side from one checkpoint to the next; all they need to rewind is in a `Moment`."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -17,11 +17,11 @@ class Batch(NamedTuple):
     """What one frame brings, converted."""
 
     t1_ns: int
-    """The end of the frame."""
+    """Boat time of the end of the frame, ns."""
     boot_id: str
     measurements: tuple[Measurement, ...]
     blocks: tuple[ImuBlock, ...]
-    """Of the IMU that the filters use."""
+    """Samples of the IMU that the filters use."""
 
 
 class Moment(NamedTuple):

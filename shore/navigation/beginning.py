@@ -1,4 +1,4 @@
-"""The first state of a filter, from the first position and heading."""
+"""Initialisation: the first state of a filter, x and P, from the first position and heading."""
 
 from collections.abc import Sequence
 from typing import Final

@@ -24,10 +24,11 @@ class ChannelReport:
     """How one channel of a sensor fits the filter. Heading and course in deg, the others in m."""
 
     sigma: float
-    """Square root of R in use."""
+    """Square root of R in use, deg or m."""
     dom_ratio: float | None
     """Degree of matching; `None` = the filter does not adapt, or has not yet."""
     nis: float | None
+    """Normalised innovation squared of the last update, 1 expected; `None` = not updated yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,9 +38,10 @@ class Estimate:
     t_ns: int
     boot_id: str
     seq: int
-    """Frame that caused it."""
+    """Number of the frame that caused it, within its start of the daemon."""
     filter: str
     names: tuple[str, ...]
+    """Of the states, (n,); each ends in its unit."""
     state: tuple[float, ...]
     """In the units of `names`, on the local plane."""
     covariance: tuple[float, ...]

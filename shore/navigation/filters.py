@@ -1,4 +1,4 @@
-"""The filters by name, and the one interface they share: predict, update, snapshot, restore.
+"""Adaptive Kalman filters by name, and the interface they share: predict, update, checkpoint (snapshot, restore).
 
 A filter is a prediction (linear, extended or unscented) joined with a rule for its noise. Its whole memory is one
 immutable `FilterState`, so a snapshot costs nothing and a restore is exact. One engine for a boat and for many runs:
@@ -85,11 +85,11 @@ class FilterFacts:
     channels: Mapping[str, Channel]
     """`gps1.east`, `gps1.north`, `gps1.course`, `compass1.heading`, ..."""
     space: StateSpace = FIVE
-    """The states it estimates."""
+    """The states that it estimates, (n,)."""
     imu_noise: ProcessNoise = FREE_NOISE
-    """While an IMU sample covers the step."""
+    """Process noise of a step that an IMU sample covers."""
     free_noise: ProcessNoise = FREE_NOISE
-    """While none does."""
+    """Process noise of a step without IMU."""
     levers: Mapping[str, Lever] = field(default_factory=dict)
     """Sensor -> its lever arm; absent = its antenna is at the reference point."""
 
@@ -130,7 +130,7 @@ class Filter:
         self._rule = rule
         self._observer = observer
         self._judge = judge
-        """That has heard nothing yet."""
+        """The judge that each start begins with: it has heard nothing yet."""
         self._state: FilterState | None = None
 
     @property

@@ -1,4 +1,4 @@
-"""The IMU (without one, a rate gyro) as a function of time: which input drives each stretch of the track.
+"""Zero-order hold of the IMU (without one, of a rate gyro): which input drives each stretch of the track.
 
 A sample covers the interval that ends at its time, up to `LATE_IMU_S`. In a longer gap, and after the newest sample,
 the last one is held for `hold_ns`, then nothing is known (`None`). Where frames are missing, the difference of
@@ -29,7 +29,7 @@ LARGEST_ACCEL_M_S2: Final = 160.0
 LARGEST_YAW_RATE_DEG_S: Final = 2000.0
 """Full scale of consumer units."""
 _LIMITS: Final = (LARGEST_ACCEL_M_S2, LARGEST_ACCEL_M_S2, LARGEST_YAW_RATE_DEG_S)
-"""Of `IMU_AXES`."""
+"""Largest plausible magnitude on each of `IMU_AXES`: m/s^2, m/s^2, deg/s."""
 
 
 class Stretch(NamedTuple):
@@ -58,7 +58,7 @@ class _Block:
     times_ns: list[int]
     inputs: list[ImuInput]
     counts: list[int]
-    """Samples behind each input."""
+    """How many samples each input is the mean of."""
     stretches: list[Stretch] = field(default_factory=list)
 
     @property

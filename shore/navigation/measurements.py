@@ -1,4 +1,8 @@
-"""From the messages of a frame to what a filter fuses: metres on the local plane and true headings in radians."""
+"""Measurement models: what a sensor measured, which number a state expects instead, lever arm included.
+
+Each kind is one class that says its scalars, its rank among those of the same time, and whether filters can start from
+it; `Reader` makes them of the messages of a frame, in metres on the local tangent plane and true headings in radians.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -76,7 +80,7 @@ class Measurement(Protocol):
 
     @property
     def sensor(self) -> str:
-        """Which sensor."""
+        """Id of the sensor, as in the configuration."""
         ...
 
     @property
@@ -235,9 +239,9 @@ class Reader:
         self._newest_ns: int | None = None
         self._is_newest = True
         self._utc_ns: int | None = None
-        """Of the newest frame, as `_newest_ns`."""
+        """UTC of the newest frame, ns; `None` = not known."""
         self.plane: LocalPlane | None = None
-        """Touches the earth at the first usable fix that arrived."""
+        """Local tangent plane; it touches the earth at the first usable fix that arrived, `None` before that."""
 
     def read(self, frame: Frame) -> tuple[Measurement, ...]:
         """The frame's fixes and headings, converted; those of no use are left out."""

@@ -1,4 +1,4 @@
-"""The opening of a run: the first operations of a filter, kept so that they can be filtered again once R is known.
+"""Repeated initialisation: the first operations of a filter are kept and filtered again once their noise R is known.
 
 A wrong R0 does its harm in the first seconds: the state swallows noise taken for knowledge, P shrinks, and both need
 minutes to recover. So the operations since the start are kept, and each time the slowest sensor has doubled its number
@@ -17,7 +17,7 @@ from shore.navigation.numbers import Array
 FIRST_DUE: Final = 2
 """Samples of the slowest sensor at which the opening is filtered again for the first time."""
 LAST_DUE: Final = 32
-"""... and for the last time."""
+"""Samples of the slowest sensor at which it is filtered again for the last time."""
 MOST_OPERATIONS: Final = 8_000
 """The opening ends here at the latest: four minutes of a 20 Hz IMU and a 10 Hz compass."""
 SILENT_AFTER: Final = 3.0
@@ -52,11 +52,13 @@ class Opening:
     read_from: Mapping[int, str] = field(default_factory=dict)
     """Component -> channel it was read from: its variance holds that channel's R0, and follows when R is learned."""
     operations: tuple[Operation, ...] = ()
+    """All since the start, in order."""
     counts: Mapping[str, int] = field(default_factory=dict)
-    """Samples of each sensor."""
+    """Sensor -> samples since the start."""
     heard: Mapping[str, int] = field(default_factory=dict)
-    """Operations up to the last sample of each."""
+    """Sensor -> operations since the start up to its last sample."""
     due: int = FIRST_DUE
+    """Samples of the slowest sensor at which it is filtered again next."""
 
     @classmethod
     def at(cls, x: Array, P: Array, read_from: Mapping[int, str]) -> "Opening":
@@ -65,7 +67,7 @@ class Opening:
 
     @property
     def is_due(self) -> bool:
-        """Time to filter again."""
+        """True when it is time to filter again."""
         waited_for = (count for sensor, count in self.counts.items() if not self._is_silent(sensor))
         return min(waited_for, default=0) >= self.due
 
@@ -76,7 +78,7 @@ class Opening:
 
     @property
     def is_over(self) -> bool:
-        """No more to come."""
+        """True when it is filtered again no more."""
         return self.due > LAST_DUE or len(self.operations) >= MOST_OPERATIONS
 
     def then(self, operation: Operation) -> "Opening":

@@ -34,7 +34,7 @@ class Link(NamedTuple):
     L: Array
     """Its covariance when the later one is known, (..., n, n)."""
     b: Array
-    """The later state, as predicted, (..., n)."""
+    """The later state as it was predicted, (..., n)."""
 
     def then(self, following: "Link") -> "Link":
         """From the earlier state of this link to the later one of the next, which begins where this one ends."""

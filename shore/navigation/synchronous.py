@@ -1,4 +1,4 @@
-"""The thesis' way of fusing (Fig. 3.14): one record px, py, ax, ay, omega, psi for each step, times inside it ignored.
+"""Fixed-step fusion (thesis Fig. 3.14): one record px, py, ax, ay, omega, psi for each step, times inside it ignored.
 
 A step closes when a frame reaches its end. It takes the mean of the IMU over the step, the newest fix if there is one
 that no step has used, and the newest heading likewise.
@@ -16,7 +16,7 @@ from shore.navigation.timeline import AHEAD_NS
 SHORTEST_STEP_S: Final = 0.05
 LONGEST_STEP_S: Final = 60.0
 _LONGEST_HOLE_NS: Final = 60 * NS_PER_S
-"""After a longer silence (a suspended board) the steps begin anew instead of filling it one by one."""
+"""After a longer silence (a suspended board) the steps begin again at its end instead of filling it one by one."""
 
 
 class Synchronous:

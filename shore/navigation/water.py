@@ -1,4 +1,4 @@
-"""What is known of the water without measuring it; optional, it bounds the drift of an outage.
+"""Pseudo-measurements of the water: what is known of it without a sensor; optional, it bounds the drift of an outage.
 
 A field says how the water flows; a boat goes through it where its bow points, with the way that its thrust keeps up.
 All of it is wrong for a while in the same sense. Fused each second as if every time were independent it would claim
@@ -49,10 +49,10 @@ class Stream(NamedTuple):
     east_m_s: Number
     north_m_s: Number
     change_east_m_s: Number
-    """Since the last time, at the place estimated then."""
+    """How much the current has changed since the last time, at the place estimated then."""
     change_north_m_s: Number
     variance: float
-    """Of each axis, m^2/s^2."""
+    """R of each axis, m^2/s^2."""
 
     @property
     def parts(self) -> tuple[PseudoPart, ...]:
@@ -80,13 +80,13 @@ class Water:
     field: VectorField | None = None
     """Velocity of the water by place on the filter's plane and time; `None` = unknown: it wanders by `walk_m_s`."""
     field_error_m_s: float = 0.1
-    """Of each axis: an atlas of tides, a model's grid."""
+    """Error of the field on each axis: an atlas of tides, a model's grid."""
     field_error_s: float = 600.0
     """How long a field stays wrong in the same sense."""
     walk_m_s: float = 0.01
     """Density m/s / sqrt(s): 0.5 m/s in 40 min."""
     largest_m_s: float = 0.5
-    """Of each axis, before anything is known."""
+    """Current on each axis, before anything is known."""
     leeway_m_s: float = 0.05
     """Speed athwart through the water: wind, waves, turns."""
     leeway_s: float = 60.0
@@ -98,7 +98,7 @@ class Water:
     way_m_s: float = 0.1
     """By how much the way changes, mostly by wind ..."""
     way_s: float = 300.0
-    """... within this."""
+    """... and within which time it changes by that."""
 
     def told(self, facts: FilterFacts) -> FilterFacts:
         """The facts with current and way as states."""

@@ -25,12 +25,12 @@ from shore.navigation.smoother import Smoother
 from shore.navigation.timeline import HORIZON_NS, Order
 
 SUFFIX: Final = "-smoothed"
-"""Behind the filter's name in the estimates."""
+"""What stands behind the filter's name in the estimates."""
 COLUMNS: Final = (
     "t_s", "lat_deg", "lon_deg", "heading_true_deg", "t_ns", "sog_kn", "sigma_east_m", "sigma_north_m",
     "sigma_heading_deg",
 )  # fmt: skip
-"""Of the CSV file, which is also a reference track."""
+"""Columns of the CSV file, which is also a reference track."""
 
 
 def smooth_log(config: BoatConfig, frames: Iterable[Frame], name: str) -> list[Estimate]:
