@@ -18,9 +18,9 @@ class Intake:
     """Converts the frames of one clock of the board on one plane; when that is wrong, another intake is to be made."""
 
     def __init__(self, config: BoatConfig, tell: Callable[[Event], None]) -> None:
-        self.driver: Final = driving_sensor(config)
+        self._driver = driving_sensor(config)
+        self.imu: Final = ImuTrack(self._driver) if self._driver else None
         """The IMU that the filters use, `None` = there is none."""
-        self.imu: Final = ImuTrack(self.driver) if self.driver else None
         self._reader = Reader(config, tell)
 
     @property
@@ -29,11 +29,16 @@ class Intake:
         return self._reader.plane
 
     @property
-    def is_plane_wrong(self) -> bool:
-        """True once `FAR_FIXES` fixes in a row lie beyond the plane's reach: everything begins again elsewhere."""
+    def is_out_of_reach(self) -> bool:
+        """True once `FAR_FIXES` fixes in a row lie beyond the plane: everything begins again on another one."""
         return self._reader.far_in_a_row >= FAR_FIXES
+
+    @property
+    def implausible(self) -> dict[str, int]:
+        """Sensor -> samples of the IMU that were no plausible numbers, left out so far."""
+        return {self._driver.id: self.imu.left_out} if self._driver and self.imu else {}
 
     def batch(self, frame: Frame) -> Batch:
         """The frame's measurements, converted; those of no use are left out."""
-        blocks = blocks_of(frame, self.driver) if self.driver else ()
+        blocks = blocks_of(frame, self._driver) if self._driver else ()
         return Batch(frame.t1_ns, frame.boot_id, self._reader.read(frame), blocks)

@@ -44,7 +44,7 @@ def smooth_log(config: BoatConfig, frames: Iterable[Frame], name: str) -> list[E
         run = _Run(config, name)
         for frame in comparable:
             run.take(frame)
-            if run.is_plane_wrong:
+            if run.is_out_of_reach:
                 estimates += run.finish()
                 run = _Run(config, name)
         estimates += run.finish()
@@ -70,9 +70,9 @@ class _Run:
         self._estimates: list[Estimate] = []
 
     @property
-    def is_plane_wrong(self) -> bool:
+    def is_out_of_reach(self) -> bool:
         """Everything must begin again on another plane."""
-        return self._intake.is_plane_wrong
+        return self._intake.is_out_of_reach
 
     def take(self, frame: Frame) -> None:
         """Put a frame in its place, and settle what is older than the horizon."""
