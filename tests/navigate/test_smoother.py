@@ -267,6 +267,19 @@ def test_a_filter_that_is_smoothed_cannot_go_back() -> None:
         each.filter.restore(before)
 
 
+def test_another_start_forgets_what_was_kept() -> None:
+    way = some_way(10)
+    again, once = started("ukf", NINE), started("ukf", NINE)
+    x, P = again.filter.estimate.x, again.filter.estimate.P
+    carry(again, [*way, 0.5], SHAKEN)
+    again.filter.start(x, P)
+    carry(again, way, SHAKEN)
+    carry(once, way, SHAKEN)
+    for state, expected in zip(again.smoothed(), once.smoothed(), strict=True):
+        assert np.array_equal(state.x, expected.x)
+        assert np.array_equal(state.P, expected.P)
+
+
 def squares(states: Sequence[Gaussian], truth: Array) -> Array:
     """Squared errors (steps, runs, 3): east, north in m^2, heading in deg^2."""
     apart = np.stack([state.x[..., [0, 1, 4]] for state in states]) - truth[:, np.newaxis, [0, 1, 4]]
