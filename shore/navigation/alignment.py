@@ -7,7 +7,7 @@ import math
 from typing import Final
 
 from shore.navigation.filters import FilterState
-from shore.navigation.measurements import Course, Position, TrueHeading
+from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.models import HEADING, lift_of
 
 HEADING_KNOWN_DEG: Final = 10.0
@@ -21,7 +21,7 @@ Waiting = tuple[str, ...]
 """What is not known yet, in words for people; empty = valid."""
 
 
-def before_start(position: Position | None, heading: TrueHeading | Course | None, has_compass: bool) -> Waiting:
+def before_start(position: Position | None, heading: FirstHeading | None, has_compass: bool) -> Waiting:
     """What a filter lacks to be started."""
     # A boat without compass takes its first heading from the course over ground.
     heading_words = "heading" if has_compass else "heading (2 kn or more: no compass)"

@@ -9,7 +9,7 @@ from common.messages import ImuBlock
 from shore.navigation.beginning import first_state
 from shore.navigation.filters import Filter, FilterFacts, FilterState
 from shore.navigation.imu import Step
-from shore.navigation.measurements import Course, Measurement, Position, Seeds, TrueHeading, with_courses
+from shore.navigation.measurements import FirstHeading, Measurement, Position, Seeds, with_courses
 from shore.navigation.models import ImuInput
 
 
@@ -32,7 +32,7 @@ class Moment(NamedTuple):
     """One for each filter; `None` = waits for its start."""
     position: Position | None = None
     """The newest so far: filters start from these."""
-    heading: TrueHeading | Course | None = None
+    heading: FirstHeading | None = None
 
 
 class Bank:

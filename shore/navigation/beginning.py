@@ -7,7 +7,7 @@ import numpy as np
 
 from common.units import NS_PER_S
 from shore.navigation.filters import FilterFacts
-from shore.navigation.measurements import Course, Position, TrueHeading
+from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
 from shore.navigation.numbers import Array, Number
 
@@ -18,7 +18,7 @@ KNOWN_SPEED_M_S: Final = 0.5
 
 
 def first_state(
-    t_ns: int, position: Position, heading: TrueHeading | Course, facts: FilterFacts, shown: ImuInput | None = None
+    t_ns: int, position: Position, heading: FirstHeading, facts: FilterFacts, shown: ImuInput | None = None
 ) -> tuple[Array, Array, dict[int, str]]:
     """State (n,) and covariance (n, n) at `t_ns`, not before either measurement, and what was read from which channel.
 

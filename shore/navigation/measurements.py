@@ -67,7 +67,7 @@ class Seeds(NamedTuple):
     """The newest measurements that a filter can start from."""
 
     position: "Position | None" = None
-    heading: "TrueHeading | Course | None" = None
+    heading: "FirstHeading | None" = None
 
 
 class Measurement(Protocol):
@@ -216,6 +216,10 @@ class Course(NamedTuple):
 
     def _heading(self, _space: StateSpace, x: Array, _lever: Lever | None) -> Scalar:
         return Scalar(((HEADING, 1.0),), wrapped(self.heading_rad - part(x, HEADING)), self.channel)
+
+
+FirstHeading = TrueHeading | Course
+"""What a filter may take its first heading from: it has a `channel` and a `heading_rad`."""
 
 
 def with_courses(measurements: Iterable[Measurement]) -> Iterator[Measurement]:
