@@ -1,4 +1,4 @@
-"""Steps a method through the runs of a scenario: all runs at once as arrays (runs, n), or one of them as floats.
+"""Monte Carlo runs in one batch: steps a method through a scenario, all runs as arrays (runs, n), or one as floats.
 
 What is measured comes from `common.simulation.runs`; what filters is the station's engine. Step 0 is the start, drawn
 from P(1) about the truth (`stated`) or at the truth (`compat`, as the thesis does). Each later step predicts with the
@@ -31,7 +31,7 @@ from shore.navigation.numbers import Array, Number
 Profile = Literal["stated", "compat"]
 PROFILES: Final[tuple[Profile, ...]] = ("stated", "compat")
 MEASURED: Final = ("gps1.east", "gps1.north", "compass1.heading")
-"""Channels in the order of the components."""
+"""Channels in the order of the three measured components: east, north, heading."""
 EIGHT: Final = StateSpace(
     (
         Extra("gyro_bias_rad_s", math.radians(BIAS_YAW_RATE_DEG_S)),
@@ -50,13 +50,13 @@ class RunTrack:
     """The first run step by step; row 0 is the start. Angles in rad; NaN where a method has no such number."""
 
     x: Array
-    """(k, 5)."""
+    """States: east, north (m), velocities (m/s), heading (rad); (k, 5)."""
     variance: Array
     """R in use for each of `MEASURED`, (k, 3), m^2 and rad^2."""
     dom_ratio: Array
-    """Degree of matching (k, 3)."""
+    """Degree of matching of each of `MEASURED`, (k, 3); 1 = as expected."""
     alpha: Array
-    """Factor by which R was changed, (k, 3)."""
+    """Factor by which R was changed in the step, for each of `MEASURED`, (k, 3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,17 +66,17 @@ class Outcome:
     mse: dict[str, Array]
     """Stretch -> mean squared errors of each run, (runs, 3) in the units of `statistics.COMPONENTS`."""
     nees: Array
-    """Mean over steps of each run, (runs,); 5 expected."""
+    """Normalised estimation error squared of each run, mean over its steps, (runs,); 5 expected."""
     nis: Array
-    """The same, scaled to three measured numbers, 3 expected; NaN for a method without innovations."""
+    """Normalised innovation squared, likewise, of three measured numbers; 3 expected, NaN without innovations."""
     squares: Array
-    """Sum over runs of the squared errors, (k, 3)."""
+    """Sum over runs of the squared errors, (k, 3), in the units of `statistics.COMPONENTS`."""
     claimed: Array
     """Sum over runs of the variances that the method claims, (k, 3), in the same units."""
     seconds: float
-    """Processor time of all steps of all runs."""
+    """Processor time of all steps of all runs, s."""
     live_us: float
-    """Time of one step of one boat; NaN where it was not taken."""
+    """Processor time of one step of one boat, us; NaN where it was not taken."""
     first: RunTrack | None
 
 

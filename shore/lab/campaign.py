@@ -1,4 +1,4 @@
-"""Scenarios x methods x runs, spread over processes.
+"""Monte Carlo campaign: scenarios x methods x runs, spread over processes.
 
 The work is cut into the same chunks whatever the number of workers, and put together in the order of the runs: the
 figures (all but times) do not depend on how many workers there are.
@@ -21,7 +21,7 @@ from shore.navigation.numbers import Array
 CHUNK: Final = 250
 """Runs in one array: larger ones leave the cache, smaller ones wait for Python."""
 RAW: Final = "raw"
-"""The sensors themselves."""
+"""Name of the sensors themselves among the methods."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Result:
     """All runs of one scenario under one profile."""
 
     setting: Setting
-    """With the first run only."""
+    """The scenario with its first run only."""
     runs: int
     seed: int
     asked: tuple[str, ...]
@@ -49,22 +49,22 @@ class Result:
     outcomes: dict[str, Outcome]
     """Method, or `raw` -> what it did."""
     bound: Array
-    """(k, 3)."""
+    """Posterior Cramer-Rao bound at each step, (k, 3), in the units of `statistics.COMPONENTS`."""
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """Name of the scenario."""
         return self.setting.scenario.name
 
     @property
     def reference(self) -> Outcome:
-        """What ratios are taken with."""
+        """What the method did that the others are compared with."""
         return self.outcomes[self.setting.reference]
 
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """What to run."""
+    """What is to be run."""
 
     scenarios: tuple[Scenario, ...]
     filters: tuple[str, ...]

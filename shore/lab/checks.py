@@ -15,11 +15,11 @@ CHAPTER_5: Final = ("5.1", "5.2", "5.3")
 POSITION, HEADING, ALL = (0, 1), (2,), (0, 1, 2)
 
 Results = Mapping[tuple[str, str], Result]
-"""(scenario, profile) -> result."""
+"""(scenario, profile) -> all its runs."""
 
 
 class Check(NamedTuple):
-    """One line."""
+    """One claim of the thesis or of ours, and whether these runs bear it out."""
 
     what: str
     ask: str
@@ -28,7 +28,7 @@ class Check(NamedTuple):
 
 
 def checks(results: Results) -> list[Check]:
-    """All lines."""
+    """All claims about the scenarios that were run."""
     return [*_oracle(results), *_filters(results), *_compat(results)]
 
 

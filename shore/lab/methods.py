@@ -1,4 +1,4 @@
-"""The methods of the laboratory by name: the station's filters, and those that only a comparison needs.
+"""Baselines of the laboratory by name, dead reckoning and an oracle among them, beside the station's filters.
 
 All of them are the station's engine, some with a part taken away: dead reckoning never updates, static fusion never
 predicts, the oracle is told the true noise of every step. The interval filter carries bounds beside it.

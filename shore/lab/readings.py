@@ -4,11 +4,14 @@ from typing import Final, NamedTuple
 
 
 class Reading(NamedTuple):
-    """One doubt."""
+    """One place of the thesis that can be read in two ways."""
 
     where: str
+    """Equation, table, figure or section."""
     doubt: str
+    """What is unclear or contradicts itself."""
     ours: str
+    """How it is read here."""
 
 
 READINGS: Final = (

@@ -26,20 +26,21 @@ class MethodScore:
     """One method on one scenario; tuples are east, north, heading in the units of `COMPONENTS`."""
 
     mse: tuple[IntervalEstimate, ...]
+    """Mean squared error over the runs."""
     sd: tuple[float, ...]
-    """Of one run."""
+    """Standard deviation of the MSE of one run."""
     ratio: tuple[IntervalEstimate, ...]
     """Mean MSE / mean MSE of the reference, same runs."""
     to_bound: tuple[float, ...]
-    """NaN for a method that is told the biases which the bound's filter has to find."""
+    """Mean MSE / Cramer-Rao bound; NaN for a method that is told the biases which the bound's filter has to find."""
     anees: float
-    """5 expected."""
+    """Average normalised estimation error squared over steps and runs; 5 expected."""
     anis: float
-    """3 expected; NaN without innovations."""
+    """Average normalised innovation squared, for three measured numbers a step; 3 expected, NaN without innovations."""
     us_per_step: float
-    """Of all runs at once, for each run and step."""
+    """Processor time of the batch, for each run and step, us."""
     live_us: float
-    """Of one boat, for each step."""
+    """Processor time of one boat, for each step, us."""
 
 
 def score(result: Result, method: str, span: str = WHOLE) -> MethodScore:
@@ -74,7 +75,7 @@ class ThesisComparison:
     method: str
     published: tuple[float, ...]
     z: tuple[float, ...]
-    """NaN with less than `LEAST_RUNS_FOR_Z` runs."""
+    """How odd each is among our single runs (`statistics.oddness`); NaN with less than `LEAST_RUNS_FOR_Z` runs."""
 
 
 def comparisons(result: Result) -> list[ThesisComparison]:

@@ -19,7 +19,7 @@ from common.offset import ClockOffset
 from common.session import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_S
 from shore.link.machine import RETRY_NS, LinkMachine, LinkState
-from shore.link.transport import MAX_MESSAGE_BYTES, LinkKeys, Transport, Verdict
+from shore.link.transport import MAX_MESSAGE_BYTES, HandshakeFault, LinkKeys, Transport
 from shore.link.zmq_transport import ZmqTransport
 
 DEFAULT_PORT: Final = 5760
@@ -253,8 +253,8 @@ class Link:
                 return self._error_of(verdict)
         return None
 
-    def _error_of(self, verdict: Verdict) -> LinkError:
-        if verdict is Verdict.UNKNOWN_KEY:
+    def _error_of(self, verdict: HandshakeFault) -> LinkError:
+        if verdict is HandshakeFault.UNKNOWN_KEY:
             cure = "pair: wayfix-onboard pair on the board, then wayfix pair here"
             return LinkError("the boat does not know this station's key", self.endpoint, cure)
         if not self._has_keys:

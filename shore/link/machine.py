@@ -33,7 +33,7 @@ from typing import Final
 
 from common import session
 from common.units import NS_PER_MS, NS_PER_S
-from shore.link.transport import Verdict
+from shore.link.transport import HandshakeFault
 
 WATCHDOG_NS: Final = 1_500 * NS_PER_MS
 """Six leases without an answer. The case: a radio that is silent for 30 s and comes back, and an operator who wants a
@@ -106,7 +106,7 @@ class LinkMachine:
     def __init__(self, now_ns: int, window: int) -> None:
         """Window: bytes of frames that may be on their way at once."""
         self.state = LinkState.NEW
-        self.verdict: Verdict | None = None
+        self.verdict: HandshakeFault | None = None
         """In REFUSED: how the last handshake failed; else None."""
         self.received_bytes = 0
         """Of frames, over all connections."""
@@ -157,10 +157,10 @@ class LinkMachine:
         self._broken_greetings = 0
         self._watchdog_ns = WATCHDOG_NS
 
-    def judge(self, verdict: Verdict) -> bool:
+    def judge(self, verdict: HandshakeFault) -> bool:
         """A handshake failed; True = it is a refusal, False = the next attempt may succeed."""
-        self._broken_greetings += verdict is Verdict.BROKEN
-        if verdict is Verdict.BROKEN and self._broken_greetings < BROKEN_GREETINGS:
+        self._broken_greetings += verdict is HandshakeFault.BROKEN
+        if verdict is HandshakeFault.BROKEN and self._broken_greetings < BROKEN_GREETINGS:
             return False
         self._follow(Trigger.REFUSED)
         self.verdict = verdict

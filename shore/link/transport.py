@@ -22,7 +22,7 @@ class LinkKeys:
     boat: bytes
 
 
-class Verdict(Enum):
+class HandshakeFault(Enum):
     """How a handshake failed, as the handshake monitor says it."""
 
     UNKNOWN_KEY = auto()
@@ -48,7 +48,7 @@ class Transport(Protocol):
     def receive(self, timeout_s: float) -> list[bytes] | None:
         """The parts of the next message; None = none came within `timeout_s`."""
 
-    def verdict(self) -> Verdict | None:
+    def verdict(self) -> HandshakeFault | None:
         """How the next handshake over this connection failed, each failure once; None = no other has."""
 
     def close(self) -> None:

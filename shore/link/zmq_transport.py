@@ -7,7 +7,7 @@ from zmq.utils.monitor import parse_monitor_message
 
 from common import session
 from common.errors import LinkError
-from shore.link.transport import MAX_MESSAGE_BYTES, LinkKeys, Verdict
+from shore.link.transport import MAX_MESSAGE_BYTES, HandshakeFault, LinkKeys
 
 CONNECT_TIMEOUT_MS: Final = 1_000
 """Of one attempt; the kernel would wait for two minutes where a radio was out of reach for a moment."""
@@ -16,9 +16,9 @@ RECONNECT_MS: Final = 200
 GOODBYE_MS: Final = 200
 """For the last message to leave."""
 _VERDICTS: Final = {
-    int(zmq.EVENT_HANDSHAKE_FAILED_AUTH): Verdict.UNKNOWN_KEY,
-    int(zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL): Verdict.BROKEN,
-    int(zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL): Verdict.MISMATCH,
+    int(zmq.EVENT_HANDSHAKE_FAILED_AUTH): HandshakeFault.UNKNOWN_KEY,
+    int(zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL): HandshakeFault.BROKEN,
+    int(zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL): HandshakeFault.MISMATCH,
 }
 
 
@@ -72,7 +72,7 @@ class ZmqTransport:
         assert self._socket is not None
         return self._socket.recv_multipart() if self._socket.poll(int(timeout_s * 1000)) else None
 
-    def verdict(self) -> Verdict | None:
+    def verdict(self) -> HandshakeFault | None:
         """How the next handshake over this socket failed."""
         assert self._monitor is not None
         if not self._monitor.poll(0):

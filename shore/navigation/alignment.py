@@ -1,10 +1,13 @@
-"""The stages of a start: position, heading, and what the IMU is wrong by. Until all are known no estimate is valid."""
+"""Initial alignment: position, heading and the biases of the IMU. Until all of them are known no estimate is valid.
+
+A heading once known is lost again above its limit; biases are awaited once and stay known (a latch, no hysteresis).
+"""
 
 import math
 from typing import Final
 
 from shore.navigation.filters import FilterState
-from shore.navigation.measurements import Course, Position, TrueHeading
+from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.models import HEADING, lift_of
 
 HEADING_KNOWN_DEG: Final = 10.0
@@ -18,7 +21,7 @@ Waiting = tuple[str, ...]
 """What is not known yet, in words for people; empty = valid."""
 
 
-def before_start(position: Position | None, heading: TrueHeading | Course | None, has_compass: bool) -> Waiting:
+def before_start(position: Position | None, heading: FirstHeading | None, has_compass: bool) -> Waiting:
     """What a filter lacks to be started."""
     # A boat without compass takes its first heading from the course over ground.
     heading_words = "heading" if has_compass else "heading (2 kn or more: no compass)"

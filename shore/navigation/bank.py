@@ -1,6 +1,6 @@
-"""Several filters carried side by side from one moment to the next; all they need to go back is in a `Moment`."""
+"""A bank of filters carried side by side from one checkpoint to the next; all they need to rewind is in a `Moment`."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,8 +8,8 @@ import numpy as np
 from common.messages import ImuBlock
 from shore.navigation.beginning import first_state
 from shore.navigation.filters import Filter, FilterFacts, FilterState
-from shore.navigation.imu import Step
-from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
+from shore.navigation.imu import TimeStep
+from shore.navigation.measurements import FirstHeading, Measurement, Position, Seeds, with_courses
 from shore.navigation.models import ImuInput
 
 
@@ -17,11 +17,11 @@ class Batch(NamedTuple):
     """What one frame brings, converted."""
 
     t1_ns: int
-    """The end of the frame."""
+    """Boat time of the end of the frame, ns."""
     boot_id: str
     measurements: tuple[Measurement, ...]
     blocks: tuple[ImuBlock, ...]
-    """Of the IMU that the filters use."""
+    """Samples of the IMU that the filters use."""
 
 
 class Moment(NamedTuple):
@@ -32,7 +32,7 @@ class Moment(NamedTuple):
     """One for each filter; `None` = waits for its start."""
     position: Position | None = None
     """The newest so far: filters start from these."""
-    heading: TrueHeading | Course | None = None
+    heading: FirstHeading | None = None
 
 
 class Bank:
@@ -54,7 +54,7 @@ class Bank:
         self,
         moment: Moment,
         t_ns: int,
-        steps: Sequence[Step],
+        steps: Sequence[TimeStep],
         measurements: Iterable[Measurement] = (),
         shown: ImuInput | None = None,
     ) -> Moment:
@@ -62,43 +62,30 @@ class Bank:
 
         `shown`: mean of the IMU just before `t_ns`, for the filters that start.
         """
-        fused = tuple(self._with_course(measurements))
-        position, heading = moment.position, moment.heading
+        fused = tuple(measurements if self.has_compass else with_courses(measurements))
+        seeds = Seeds(moment.position, moment.heading)
         for measured in fused:
-            if isinstance(measured, Position):
-                position = measured
-            else:
-                heading = measured
+            seeds = measured.seed(seeds)
         states = tuple(
-            self._begin(each, t_ns, position, heading, shown)
-            if state is None
-            else self._carry(each, state, steps, fused, t_ns)
+            self._begin(each, t_ns, seeds, shown) if state is None else self._carry(each, state, steps, fused, t_ns)
             for each, state in zip(self.filters, moment.states, strict=True)
         )
-        return Moment(t_ns, states, position, heading)
+        return Moment(t_ns, states, *seeds)
 
-    def _with_course(self, measurements: Iterable[Measurement]) -> Iterator[Measurement]:
-        """The measurements; without a compass a fix gives its course as well."""
-        for measured in measurements:
-            yield measured
-            if isinstance(measured, Position) and not self.has_compass and measured.course_rad is not None:
-                yield Course(measured.t_ns, measured.sensor, measured.course_rad)
-
-    def _begin(
-        self,
-        each: Filter,
-        t_ns: int,
-        position: Position | None,
-        heading: TrueHeading | Course | None,
-        shown: ImuInput | None,
-    ) -> FilterState | None:
+    def _begin(self, each: Filter, t_ns: int, seeds: Seeds, shown: ImuInput | None) -> FilterState | None:
+        position, heading = seeds
         if position is None or heading is None:
             return None
         each.start(*first_state(t_ns, position, heading, self._facts, shown))
         return each.snapshot()
 
     def _carry(
-        self, each: Filter, state: FilterState, steps: Sequence[Step], fused: tuple[Measurement, ...], t_ns: int
+        self,
+        each: Filter,
+        state: FilterState,
+        steps: Sequence[TimeStep],
+        fused: tuple[Measurement, ...],
+        t_ns: int,
     ) -> FilterState | None:
         """The state after prediction and fusion; `None` when it is no longer finite, which is recorded."""
         each.restore(state)

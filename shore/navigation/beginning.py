@@ -1,4 +1,4 @@
-"""The first state of a filter, from the first position and heading."""
+"""Initialisation: the first state of a filter, x and P, from the first position and heading."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -7,7 +7,7 @@ import numpy as np
 
 from common.units import NS_PER_S
 from shore.navigation.filters import FilterFacts
-from shore.navigation.measurements import Course, Position, TrueHeading
+from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
 from shore.navigation.numbers import Array, Number
 
@@ -18,7 +18,7 @@ KNOWN_SPEED_M_S: Final = 0.5
 
 
 def first_state(
-    t_ns: int, position: Position, heading: TrueHeading | Course, facts: FilterFacts, shown: ImuInput | None = None
+    t_ns: int, position: Position, heading: FirstHeading, facts: FilterFacts, shown: ImuInput | None = None
 ) -> tuple[Array, Array, dict[int, str]]:
     """State (n,) and covariance (n, n) at `t_ns`, not before either measurement, and what was read from which channel.
 
@@ -32,17 +32,16 @@ def first_state(
     speed_sigma = KNOWN_SPEED_M_S if position.velocity_m_s else UNKNOWN_SPEED_M_S
     place = (position.east_m + v_east * age_s, position.north_m + v_north * age_s)
     drift = (speed_sigma * age_s) ** 2
-    channel, angle = _angle(heading)
     heading_age_s = (t_ns - heading.t_ns) / NS_PER_S
     base_variances = (
         facts.channels[f"{position.sensor}.east"].initial_variance + drift,
         facts.channels[f"{position.sensor}.north"].initial_variance + drift,
         speed_sigma**2,
         speed_sigma**2,
-        facts.channels[channel].initial_variance + float(FREE_NOISE.yaw_rate) ** 2 * heading_age_s,
+        facts.channels[heading.channel].initial_variance + float(FREE_NOISE.yaw_rate) ** 2 * heading_age_s,
     )
-    read_from = {EAST: f"{position.sensor}.east", NORTH: f"{position.sensor}.north", HEADING: channel}
-    x, P = first_of(facts, (*place, v_east, v_north, angle), base_variances)
+    read_from = {EAST: f"{position.sensor}.east", NORTH: f"{position.sensor}.north", HEADING: heading.channel}
+    x, P = first_of(facts, (*place, v_east, v_north, heading.heading_rad), base_variances)
     if lever := facts.levers.get(position.sensor):
         x, P = _from_antenna(x, P, lever)
     if shown is not None:
@@ -78,10 +77,3 @@ def _from_antenna(x: Array, P: Array, lever: tuple[float, float]) -> tuple[Array
     slope = np.array([-north_m, east_m])
     spread[EAST : NORTH + 1, EAST : NORTH + 1] += P[HEADING, HEADING] * np.outer(slope, slope)
     return moved, spread
-
-
-def _angle(heading: TrueHeading | Course) -> tuple[str, Number]:
-    """Channel and angle of what gives the first heading."""
-    if isinstance(heading, TrueHeading):
-        return f"{heading.sensor}.heading", heading.heading_rad
-    return f"{heading.sensor}.course", heading.course_rad

@@ -14,6 +14,7 @@ from common.geodesy import LocalPlane
 from common.messages import Frame
 from common.units import M_S_PER_KN
 from shore.navigation.filters import FilterState
+from shore.navigation.measurements import is_angle
 from shore.navigation.models import EAST, HEADING, NORTH, V_EAST, V_NORTH
 from shore.navigation.numbers import Number
 
@@ -23,10 +24,11 @@ class ChannelReport:
     """How one channel of a sensor fits the filter. Heading and course in deg, the others in m."""
 
     sigma: float
-    """Square root of R in use."""
+    """Square root of R in use, deg or m."""
     dom_ratio: float | None
     """Degree of matching; `None` = the filter does not adapt, or has not yet."""
     nis: float | None
+    """Normalised innovation squared of the last update, 1 expected; `None` = not updated yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +38,10 @@ class Estimate:
     t_ns: int
     boot_id: str
     seq: int
-    """Frame that caused it."""
+    """Number of the frame that caused it, within its start of the daemon."""
     filter: str
     names: tuple[str, ...]
+    """Of the states, (n,); each ends in its unit."""
     state: tuple[float, ...]
     """In the units of `names`, on the local plane."""
     covariance: tuple[float, ...]
@@ -120,9 +123,10 @@ def _channels(state: FilterState) -> dict[str, ChannelReport]:
     reports = {}
     for channel, noise in state.noise.items():
         sigma = math.sqrt(noise.variance)
-        is_angle = channel.endswith((".heading", ".course"))
         reports[channel] = ChannelReport(
-            sigma=math.degrees(sigma) if is_angle else sigma, dom_ratio=_plain(noise.dom_ratio), nis=_plain(noise.nis)
+            sigma=math.degrees(sigma) if is_angle(channel) else sigma,
+            dom_ratio=_plain(noise.dom_ratio),
+            nis=_plain(noise.nis),
         )
     return reports
 

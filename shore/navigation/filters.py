@@ -1,4 +1,4 @@
-"""The filters by name, and the one interface they share: predict, update, snapshot, restore.
+"""Adaptive Kalman filters by name, and the interface they share: predict, update, checkpoint (snapshot, restore).
 
 A filter is a prediction (linear, extended or unscented) joined with a rule for its noise. Its whole memory is one
 immutable `FilterState`, so a snapshot costs nothing and a restore is exact. One engine for a boat and for many runs:
@@ -8,41 +8,36 @@ the states are arrays (..., n), and measurements and inputs are floats for one b
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from common.errors import WayfixError
 from common.sensors import ROLES, BoatConfig, SensorTable
 from shore.navigation.imu import driving_sensor
+from shore.navigation.judge import Evidence, Judge
 from shore.navigation.kalman import (
     Predicted,
-    Row,
     predict_extended,
     predict_linear,
     prior_variance,
     update_scalar,
 )
-from shore.navigation.measurements import Course, Known, Measurement, Position, Sailing, Stream
+from shore.navigation.measurements import Lever, Measurement, PseudoMeasurement, Scalar, is_angle
 from shore.navigation.models import (
-    EAST,
     FIVE,
     FREE_NOISE,
-    HEADING,
-    NORTH,
     Extra,
     Gaussian,
     ImuInput,
     ProcessNoise,
     StateSpace,
-    body_to_plane,
-    through_water,
     with_trim,
 )
 from shore.navigation.noise.adaptation import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.rules import NOISE_RULES
-from shore.navigation.numbers import Array, Number, larger, part, wrapped
-from shore.navigation.restart import Opening, Passed
+from shore.navigation.numbers import Array, Number, larger
+from shore.navigation.restart import Assumed, Opening, Operation, Passed
 from shore.navigation.ukf import predict_unscented
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
@@ -68,6 +63,8 @@ class FilterState(NamedTuple):
     """Predictions before which P needed jitter to be factored."""
     opening: Opening | None = None
     """What happened since the start, while it may have to be filtered again."""
+    judge: Judge | None = None
+    """The judge of its sensors, with all it has heard; `None` = every measurement is fused."""
 
     @property
     def gaussian(self) -> Gaussian:
@@ -88,24 +85,52 @@ class FilterFacts:
     channels: Mapping[str, Channel]
     """`gps1.east`, `gps1.north`, `gps1.course`, `compass1.heading`, ..."""
     space: StateSpace = FIVE
-    """The states it estimates."""
+    """The states that it estimates, (n,)."""
     imu_noise: ProcessNoise = FREE_NOISE
-    """While an IMU sample covers the step."""
+    """Process noise of a step that an IMU sample covers."""
     free_noise: ProcessNoise = FREE_NOISE
-    """While none does."""
-    levers: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Sensor -> where its antenna is, (forward, starboard) of the boat's reference point, m; absent = at it."""
+    """Process noise of a step without IMU."""
+    levers: Mapping[str, Lever] = field(default_factory=dict)
+    """Sensor -> its lever arm; absent = its antenna is at the reference point."""
+
+
+class Observer(Protocol):
+    """Follows the predictions of a filter, which goes forward only then."""
+
+    def started(self) -> None:
+        """The filter has its first state; what was before is over."""
+        ...
+
+    def passed(self, before: FilterState, predicted: Predicted) -> None:
+        """One prediction has been made."""
+        ...
+
+    def repeats(self) -> None:
+        """The opening is filtered again: all predictions since the start follow once more."""
+        ...
 
 
 class Filter:
     """One filter of one boat, or of a batch of runs; positions in m on the local plane, headings in rad from north."""
 
-    def __init__(self, name: str, predict: Predict, rule: NoiseRule, facts: FilterFacts) -> None:
+    def __init__(
+        self,
+        name: str,
+        predict: Predict,
+        rule: NoiseRule,
+        facts: FilterFacts,
+        *,
+        observer: Observer | None = None,
+        judge: Judge | None = None,
+    ) -> None:
         self.name = name
         self.facts = facts
         """May be exchanged between two steps, for a filter that is told when a sensor changes."""
         self._predict = predict
         self._rule = rule
+        self._observer = observer
+        self._judge = judge
+        """The judge that each start begins with: it has heard nothing yet."""
         self._state: FilterState | None = None
 
     @property
@@ -121,14 +146,21 @@ class Filter:
         `read_from`: component -> channel whose first sample it is, so that its variance in `P` is that of the channel.
         """
         opening = Opening.at(x, P, read_from or {}) if self._rule.filters_again else None
-        self._state = FilterState(self.facts.space, x, P, {}, opening=opening)
+        self._state = FilterState(self.facts.space, x, P, {}, opening=opening, judge=self._judge)
+        if self._observer is not None:
+            self._observer.started()
 
     def snapshot(self) -> FilterState:
         """The state, to be given back to `restore`."""
         return self.estimate
 
     def restore(self, state: FilterState) -> None:
-        """Continue from a snapshot, bit for bit."""
+        """Continue from a snapshot, bit for bit.
+
+        Raises: ValueError for any but the newest state while an observer follows.
+        """
+        if self._observer is not None and state is not self._state:
+            raise ValueError(f"filter {self.name} is observed, so it cannot go back")
         self._state = state
 
     def predict(self, dt_s: float, imu: ImuInput | None) -> Predicted:
@@ -137,12 +169,17 @@ class Filter:
         self._note(Passed(dt_s, imu))
         return predicted
 
-    def update(self, measured: Measurement | Known) -> None:
+    def update(self, measured: Measurement) -> None:
         """Fuse one measurement: its components are independent scalars."""
         self._fuse(measured)
         self._note(measured)
 
-    def _note(self, operation: Passed | Measurement | Known) -> None:
+    def assume(self, known: PseudoMeasurement) -> None:
+        """Fuse what nothing measured: no rule adapts its variance."""
+        self._fuse_known(known)
+        self._note(Assumed(known))
+
+    def _note(self, operation: Operation) -> None:
         """Keep what was done during the opening; filter it again when that is due."""
         state = self.estimate
         if state.opening is None:
@@ -157,16 +194,20 @@ class Filter:
 
     def _filter_again(self, opening: Opening) -> None:
         """All operations since the start, with the R learned so far; leaves the windows of a filter that knew it."""
+        if self._observer is not None:
+            self._observer.repeats()
         state, channels = self.estimate, self.facts.channels
         noise = {name: self._rule.held(channels[name], each) for name, each in state.noise.items()}
         P = opening.P.copy()
         for place, name in opening.read_from.items():
             if name in noise:
                 P[..., place, place] += noise[name].variance - channels[name].initial_variance
-        self._state = FilterState(state.space, opening.x, P, noise, state.repairs)
+        self._state = FilterState(state.space, opening.x, P, noise, state.repairs, judge=self._judge)
         for operation in opening.operations:
             if isinstance(operation, Passed):
                 self._pass(*operation)
+            elif isinstance(operation, Assumed):
+                self._fuse_known(operation.known)
             else:
                 self._fuse(operation)
         noise = {name: each._replace(is_held=False) for name, each in self.estimate.noise.items()}
@@ -178,81 +219,51 @@ class Filter:
         noise = self.facts.free_noise if imu is None else with_trim(before, self._driven(self.facts.imu_noise))
         predicted = self._predict(before, dt_s, imu, noise)
         repairs = state.repairs + predicted.repairs
-        self._state = FilterState(state.space, predicted.x, predicted.P, state.noise, repairs, state.opening)
+        x, P = predicted.x, predicted.P
+        self._state = FilterState(state.space, x, P, state.noise, repairs, state.opening, state.judge)
+        if self._observer is not None:
+            self._observer.passed(state, predicted)
         return predicted
 
-    def _fuse(self, measured: Measurement | Known) -> None:
-        if isinstance(measured, Sailing | Stream):
-            self._fuse_known(measured)
-            return
-        if isinstance(measured, Position):
-            self._update_position(measured)
-            return
-        row: Row = ((HEADING, 1.0),)
-        expected = part(self.estimate.x, HEADING)
-        if isinstance(measured, Course):
-            self._update(f"{measured.sensor}.course", row, wrapped(measured.course_rad - expected))
-            return
-        if (bias := self.facts.space.index("compass_bias_rad")) is not None:
-            row = (*row, (bias, 1.0))
-            expected = expected + part(self.estimate.x, bias)
-        self._update(f"{measured.sensor}.heading", row, wrapped(measured.heading_rad - expected))
+    def _fuse(self, measured: Measurement) -> None:
+        lever = self.facts.levers.get(measured.sensor)
+        for component in measured.parts:
+            state = self.estimate
+            self._update(component(state.space, state.x, lever), measured.t_ns)
 
-    def _update_position(self, measured: Position) -> None:
-        for component, place, value in (("east", EAST, measured.east_m), ("north", NORTH, measured.north_m)):
-            row: Row = ((place, 1.0),)
-            x = self.estimate.x
-            expected = part(x, place)
-            if lever := self.facts.levers.get(measured.sensor):
-                offset = body_to_plane(*lever, part(x, HEADING))
-                expected = expected + offset[place]
-                # the derivative of (east, north) by a clockwise heading is (north, -east)
-                row = (*row, (HEADING, offset[NORTH] if place == EAST else -offset[EAST]))
-            self._update(f"{measured.sensor}.{component}", row, value - expected)
+    def _fuse_known(self, known: PseudoMeasurement) -> None:
+        for component in known.parts:
+            state = self.estimate
+            if (scalar := component(state.space, state.x)) is not None:
+                before = Gaussian(state.space, scalar.x, state.P)
+                x, P = update_scalar(before, scalar.row, scalar.innovation, scalar.variance)
+                self._state = state._replace(x=x, P=P)
 
-    def _fuse_known(self, known: Known) -> None:
-        """What no sensor measured: no rule adapts its variance."""
-        if isinstance(known, Stream):
-            self._flow(known)
-            return
-        space = self.facts.space
-        _, (speed, slope) = through_water(space, self.estimate.x)
-        self._know(tuple(slope.items()), -speed, known.athwart)
-        if (way := space.index("way_m_s")) is not None:
-            (speed, slope), _ = through_water(space, self.estimate.x)
-            self._know((*slope.items(), (way, -1.0)), part(self.estimate.x, way) - speed, known.along)
-
-    def _flow(self, stream: Stream) -> None:
-        """The current changes as the field does; what it differs by fades."""
-        for name, value, change in (
-            ("current_east_m_s", stream.east_m_s, stream.change_east_m_s),
-            ("current_north_m_s", stream.north_m_s, stream.change_north_m_s),
-        ):
-            if (place := self.facts.space.index(name)) is not None:
-                x = self.estimate.x.copy()
-                x[..., place] += change
-                self._state = self.estimate._replace(x=x)
-                self._know(((place, 1.0),), value - part(x, place), stream.variance)
-
-    def _know(self, row: Row, innovation: Number, variance: float) -> None:
-        state = self.estimate
-        x, P = update_scalar(state.gaussian, row, innovation, variance)
-        self._state = state._replace(x=x, P=P)
-
-    def _update(self, name: str, row: Row, innovation: Number) -> None:
-        """Adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
+    def _update(self, scalar: Scalar, t_ns: int) -> None:
+        """Ask the judge, adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
+        row, innovation, name = scalar
         state, channel = self.estimate, self.facts.channels[name]
         noise = state.noise.get(name) or ChannelNoise(channel.initial_variance)
         prior = prior_variance(state.P, row)
+        judge, scale = state.judge, None
+        if judge is not None:
+            evidence = Evidence(t_ns, name, innovation, prior, noise.variance, state.gaussian)
+            judge, scale = judge.hear(evidence)
+            if scale is None:
+                self._state = state._replace(judge=judge)
+                return
         noise = self._rule.adapt(channel, noise, innovation, prior)
-        x, P = update_scalar(state.gaussian, row, innovation, noise.variance, noise.spread)
-        theoretical = prior + noise.variance
+        R, spread = noise.variance, noise.spread
+        if scale is not None:
+            # far beyond p, the gains p / (p + R) of a bank fall as 1 / R, and so does their scatter
+            R, spread = scale * R, spread / (scale * scale)
+        x, P = update_scalar(state.gaussian, row, innovation, R, spread)
+        theoretical = prior + R
         noise = noise._replace(nis=innovation * innovation / theoretical)
         if self._rule.reviews:
-            residual = innovation * (noise.variance / theoretical)
-            noise = self._rule.review(channel, noise, residual, prior * noise.variance / theoretical)
+            noise = self._rule.review(channel, noise, innovation * (R / theoretical), prior * R / theoretical)
         channels = {**state.noise, name: noise}
-        self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening)
+        self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening, judge)
 
     def _driven(self, noise: ProcessNoise) -> ProcessNoise:
         """The densities of the inputs, raised by what the channels that see them ask for."""
@@ -261,10 +272,10 @@ class Filter:
         accel: Number = 1.0
         turn: Number = 1.0
         for name, channel in self.estimate.noise.items():
-            if name.endswith((".east", ".north")):
-                accel = larger(accel, channel.drive)
-            else:
+            if is_angle(name):
                 turn = larger(turn, channel.drive)
+            else:
+                accel = larger(accel, channel.drive)
         return ProcessNoise(noise.accel_fwd * accel, noise.accel_stb * accel, noise.yaw_rate * turn)
 
 
@@ -277,20 +288,17 @@ REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
 """Name -> prediction, rule for R. A rule of `noise/rules.py` is at once a filter of its name, behind the UKF."""
 
 
-def build_filter(name: str, facts: FilterFacts) -> Filter:
+def build_filter(
+    name: str, facts: FilterFacts, *, observer: Observer | None = None, judge: Judge | None = None
+) -> Filter:
     """A filter of the registry.
 
     Raises: WayfixError for an unknown name.
     """
-    return Filter(name, *parts_of(name), facts)
-
-
-def parts_of(name: str) -> tuple[Predict, NoiseRule]:
-    """What a filter of the registry is made of; raises WayfixError for an unknown name."""
     if name not in REGISTRY:
         raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
     predict, rule = REGISTRY[name]
-    return predict, NOISE_RULES[rule]
+    return Filter(name, predict, NOISE_RULES[rule], facts, observer=observer, judge=judge)
 
 
 def facts_of(config: BoatConfig) -> FilterFacts:

@@ -1,4 +1,4 @@
-"""The IMU (without one, a rate gyro) as a function of time: which input drives each stretch of the track.
+"""Zero-order hold of the IMU (without one, of a rate gyro): which input drives each stretch of the track.
 
 A sample covers the interval that ends at its time, up to `LATE_IMU_S`. In a longer gap, and after the newest sample,
 the last one is held for `hold_ns`, then nothing is known (`None`). Where frames are missing, the difference of
@@ -29,7 +29,7 @@ LARGEST_ACCEL_M_S2: Final = 160.0
 LARGEST_YAW_RATE_DEG_S: Final = 2000.0
 """Full scale of consumer units."""
 _LIMITS: Final = (LARGEST_ACCEL_M_S2, LARGEST_ACCEL_M_S2, LARGEST_YAW_RATE_DEG_S)
-"""Of `IMU_AXES`."""
+"""Largest plausible magnitude on each of `IMU_AXES`: m/s^2, m/s^2, deg/s."""
 
 
 class Stretch(NamedTuple):
@@ -40,7 +40,7 @@ class Stretch(NamedTuple):
     imu: ImuInput
 
 
-class Step(NamedTuple):
+class TimeStep(NamedTuple):
     """One prediction: its length and what drives it."""
 
     dt_s: float
@@ -58,7 +58,7 @@ class _Block:
     times_ns: list[int]
     inputs: list[ImuInput]
     counts: list[int]
-    """Samples behind each input."""
+    """How many samples each input is the mean of."""
     stretches: list[Stretch] = field(default_factory=list)
 
     @property
@@ -110,7 +110,7 @@ class ImuTrack:
             stretches = sum(len(block.stretches) for block in self._blocks[:old])
             del self._blocks[:old], self._stretches[:stretches], self._ends_ns[:stretches]
 
-    def steps(self, from_ns: int, to_ns: int) -> list[Step]:
+    def steps(self, from_ns: int, to_ns: int) -> list[TimeStep]:
         """The predictions that lead from one time to a later one."""
         index = bisect_right(self._ends_ns, from_ns)
         now_ns, steps = from_ns, []
@@ -284,8 +284,8 @@ def _mean(samples: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
     return tuple(sum(column) / len(samples) for column in zip(*samples, strict=True))
 
 
-def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> list[Step]:
+def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> list[TimeStep]:
     """One stretch as equal steps of at most 1 s, or as ten longer ones."""
     dt_s = (end_ns - start_ns) / NS_PER_S
     count = min(MOST_STEPS, math.ceil(dt_s / LONGEST_STEP_S))
-    return [Step(dt_s / count, imu)] * count
+    return [TimeStep(dt_s / count, imu)] * count

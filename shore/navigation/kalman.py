@@ -30,9 +30,11 @@ class Predicted(NamedTuple):
     """The state after a step."""
 
     x: Array
+    """Mean (..., n)."""
     P: Array
+    """Covariance (..., n, n)."""
     covary: Callable[[], Array]
-    """Works out `cross`, which only the smoother needs."""
+    """Calculates `cross`, which only the smoother needs."""
     repairs: int = 0
     """Factors of P that needed jitter."""
 

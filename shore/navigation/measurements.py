@@ -1,8 +1,12 @@
-"""From the messages of a frame to what a filter fuses: metres on the local plane and true headings in radians."""
+"""Measurement models: what a sensor measured, which number a state expects instead, lever arm included.
+
+Each kind is one class that says its scalars, its rank among those of the same time, and whether filters can start from
+it; `Reader` makes them of the messages of a frame, in metres on the local tangent plane and true headings in radians.
+"""
 
 import math
-from collections.abc import Callable
-from typing import Final, NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from typing import Final, NamedTuple, Protocol
 
 from common.angles import heading_rad
 from common.events import event
@@ -10,7 +14,9 @@ from common.geodesy import LocalPlane
 from common.messages import Event, Fix, Frame, Heading
 from common.sensors import BoatConfig
 from common.units import M_S_PER_KN
-from shore.navigation.numbers import Number
+from shore.navigation.kalman import Row
+from shore.navigation.models import EAST, HEADING, NORTH, StateSpace, body_to_plane
+from shore.navigation.numbers import Array, Number, part, wrapped
 from shore.navigation.variation import Variation
 
 FARTHEST_M: Final = 20_000.0
@@ -19,6 +25,86 @@ COURSE_FROM_KN: Final = 1.0
 """SOG and COG of a fix give the velocity from this speed on."""
 COURSE_AS_HEADING_FROM_KN: Final = 2.0
 """Without a compass, COG stands for the heading from this speed on."""
+
+
+class Scalar(NamedTuple):
+    """One measured number beside the state that expects it: what a scalar update needs."""
+
+    row: Row
+    """Derivative of the expected number by the state."""
+    innovation: Number
+    """Measured - expected, m or rad; an angle is wrapped."""
+    channel: str
+    """Whose R it has: `gps1.east`, ..."""
+
+
+class PseudoScalar(NamedTuple):
+    """The same for a number that nothing measured."""
+
+    x: Array
+    """State (..., n) that expects it; not the one that was given where that is known to have changed."""
+    row: Row
+    innovation: Number
+    variance: float
+    """R, which no rule adapts."""
+
+
+Lever = tuple[float, float]
+"""Lever arm: where an antenna is, (forward, starboard) of the boat's reference point, m."""
+Part = Callable[[StateSpace, Array, Lever | None], Scalar]
+"""One component of a measurement: (states, x (..., n), lever arm of its sensor) -> its scalar. It is called with the
+state into which the components before it are fused."""
+PseudoPart = Callable[[StateSpace, Array], PseudoScalar | None]
+"""The same of a pseudo-measurement; `None` where it is about a state that there is not."""
+
+
+def is_angle(channel: str) -> bool:
+    """True for a channel in rad, which a wrong yaw rate disturbs; the others are along the axes of the plane."""
+    return channel.endswith((".heading", ".course"))
+
+
+class Seeds(NamedTuple):
+    """The newest measurements that a filter can start from."""
+
+    position: "Position | None" = None
+    heading: "FirstHeading | None" = None
+
+
+class Measurement(Protocol):
+    """What a sensor measured at one time. One more kind of it is one more class like those below."""
+
+    @property
+    def t_ns(self) -> int:
+        """Boat time of the measurement."""
+        ...
+
+    @property
+    def sensor(self) -> str:
+        """Id of the sensor, as in the configuration."""
+        ...
+
+    @property
+    def rank(self) -> int:
+        """Its place among measurements of the same time, above 0; a synchronous step takes the newest of each rank."""
+        ...
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Its components in the order in which they are fused; their errors are independent."""
+        ...
+
+    def seed(self, seeds: Seeds) -> Seeds:
+        """What filters can start from once this is measured too."""
+        ...
+
+
+class PseudoMeasurement(Protocol):
+    """What is fused though nothing measured it."""
+
+    @property
+    def parts(self) -> tuple[PseudoPart, ...]:
+        """Its components in the order in which they are fused."""
+        ...
 
 
 class Position(NamedTuple):
@@ -33,6 +119,39 @@ class Position(NamedTuple):
     course_rad: float | None = None
     """COG, when it may stand for a heading."""
 
+    @property
+    def rank(self) -> int:
+        """Before headings."""
+        return 1
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """East, then north."""
+        return self._east, self._north
+
+    def seed(self, seeds: Seeds) -> Seeds:
+        """A filter starts at the newest fix."""
+        return seeds._replace(position=self)
+
+    def _east(self, _space: StateSpace, x: Array, lever: Lever | None) -> Scalar:
+        row: Row = ((EAST, 1.0),)
+        expected = part(x, EAST)
+        if lever:
+            east_m, north_m = body_to_plane(*lever, part(x, HEADING))
+            expected = expected + east_m
+            # the derivative of (east, north) by a clockwise heading is (north, -east)
+            row = (*row, (HEADING, north_m))
+        return Scalar(row, self.east_m - expected, f"{self.sensor}.east")
+
+    def _north(self, _space: StateSpace, x: Array, lever: Lever | None) -> Scalar:
+        row: Row = ((NORTH, 1.0),)
+        expected = part(x, NORTH)
+        if lever:
+            east_m, north_m = body_to_plane(*lever, part(x, HEADING))
+            expected = expected + north_m
+            row = (*row, (HEADING, -east_m))
+        return Scalar(row, self.north_m - expected, f"{self.sensor}.north")
+
 
 class TrueHeading(NamedTuple):
     """A compass reading, corrected to true."""
@@ -41,41 +160,74 @@ class TrueHeading(NamedTuple):
     sensor: str
     heading_rad: Number
 
+    @property
+    def rank(self) -> int:
+        """After fixes."""
+        return 2
+
+    @property
+    def channel(self) -> str:
+        """Whose R it has."""
+        return f"{self.sensor}.heading"
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The heading with the compass' bias, where that is a state."""
+        return (self._heading,)
+
+    def seed(self, seeds: Seeds) -> Seeds:
+        """A filter starts at the newest heading."""
+        return seeds._replace(heading=self)
+
+    def _heading(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar:
+        row: Row = ((HEADING, 1.0),)
+        expected = part(x, HEADING)
+        if (bias := space.index("compass_bias_rad")) is not None:
+            row = (*row, (bias, 1.0))
+            expected = expected + part(x, bias)
+        return Scalar(row, wrapped(self.heading_rad - expected), self.channel)
+
 
 class Course(NamedTuple):
     """A course over ground that stands for the heading of a boat without compass."""
 
     t_ns: int
     sensor: str
-    course_rad: Number
+    heading_rad: Number
+
+    @property
+    def rank(self) -> int:
+        """As a heading."""
+        return 2
+
+    @property
+    def channel(self) -> str:
+        """Whose R it has."""
+        return f"{self.sensor}.course"
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The heading alone."""
+        return (self._heading,)
+
+    def seed(self, seeds: Seeds) -> Seeds:
+        """A filter starts at the newest heading."""
+        return seeds._replace(heading=self)
+
+    def _heading(self, _space: StateSpace, x: Array, _lever: Lever | None) -> Scalar:
+        return Scalar(((HEADING, 1.0),), wrapped(self.heading_rad - part(x, HEADING)), self.channel)
 
 
-Measurement = Position | TrueHeading | Course
+FirstHeading = TrueHeading | Course
+"""What a filter may take its first heading from: it has a `channel` and a `heading_rad`."""
 
 
-class Sailing(NamedTuple):
-    """No sensor: a boat goes through the water where its bow points, with the way it has."""
-
-    athwart: float
-    """Variance of its speed athwart, m^2/s^2."""
-    along: float
-    """Of its speed ahead about its way."""
-
-
-class Stream(NamedTuple):
-    """No sensor: the current that a field gives at the estimated place."""
-
-    east_m_s: Number
-    north_m_s: Number
-    change_east_m_s: Number
-    """Since the last time, at the place estimated then."""
-    change_north_m_s: Number
-    variance: float
-    """Of each axis, m^2/s^2."""
-
-
-Known = Sailing | Stream
-"""What is fused though nothing measured it: no rule adapts its variance."""
+def with_courses(measurements: Iterable[Measurement]) -> Iterator[Measurement]:
+    """The measurements of a boat without compass: a fix gives its course as well."""
+    for measured in measurements:
+        yield measured
+        if isinstance(measured, Position) and measured.course_rad is not None:
+            yield Course(measured.t_ns, measured.sensor, measured.course_rad)
 
 
 class Reader:
@@ -91,9 +243,9 @@ class Reader:
         self._newest_ns: int | None = None
         self._is_newest = True
         self._utc_ns: int | None = None
-        """Of the newest frame, as `_newest_ns`."""
+        """UTC of the newest frame, ns; `None` = not known."""
         self.plane: LocalPlane | None = None
-        """Touches the earth at the first usable fix that arrived."""
+        """Local tangent plane; it touches the earth at the first usable fix that arrived, `None` before that."""
 
     def read(self, frame: Frame) -> tuple[Measurement, ...]:
         """The frame's fixes and headings, converted; those of no use are left out."""

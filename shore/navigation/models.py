@@ -75,7 +75,7 @@ class StateSpace:
 
     extras: tuple[Extra, ...] = ()
     names: tuple[str, ...] = field(init=False)
-    """Of all states."""
+    """Names of all n states in the order of x."""
 
     def __post_init__(self) -> None:
         unknown = [extra.name for extra in self.extras if extra.name not in EXTRA_NAMES]
@@ -87,7 +87,7 @@ class StateSpace:
 
     @cached_property
     def size(self) -> int:
-        """N."""
+        """Number of states, the n of x (n,) and P (n, n)."""
         return len(self.names)
 
     def index(self, name: str) -> int | None:
@@ -96,7 +96,7 @@ class StateSpace:
 
     @cached_property
     def places(self) -> tuple[int | None, ...]:
-        """Places of all `EXTRA_NAMES`."""
+        """Place in x of each of `EXTRA_NAMES`, `None` = no such state."""
         return tuple(self.index(name) for name in EXTRA_NAMES)
 
     @cached_property
@@ -128,7 +128,7 @@ class StateSpace:
 
 
 FIVE: Final = StateSpace()
-"""The thesis' state."""
+"""The thesis' state alone: place, velocity and heading."""
 
 
 class Gaussian(NamedTuple):
@@ -175,13 +175,15 @@ class _Drive(NamedTuple):
     """The input of a step with the biases of a state taken off, and what the Jacobian needs of it."""
 
     sin: Number
-    """Of the heading at the middle of the step."""
+    """Sine of the heading at the middle of the step."""
     cos: Number
+    """Its cosine."""
     turn: Number
-    """Turn over the step, rad."""
+    """Turn over the step, rad, + bow to starboard."""
     fwd: Number
-    """m/s^2."""
+    """Acceleration forward, biases removed, m/s^2."""
     stb: Number
+    """Acceleration to starboard, biases removed, m/s^2."""
     along: Number
     """Speed through the water along the bow, m/s; 0 without tilt leak."""
     lift: Number

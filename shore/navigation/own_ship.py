@@ -1,6 +1,6 @@
 """State estimation of our own ship: frames of one clock of the board in, the estimates of each filter out.
 
-frame -> Reader (corrected measurements) -> Timeline or Synchronous (order) -> Bank (filters) -> estimates, events
+frame -> Intake (corrected measurements) -> Timeline or Synchronous (order) -> Bank (filters) -> estimates, events
 """
 
 from collections.abc import Sequence
@@ -10,18 +10,16 @@ from common.messages import Event, Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S
 from shore.navigation.alignment import Alignment, before_start
-from shore.navigation.bank import Bank, Batch, Moment
+from shore.navigation.bank import Bank, Moment
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filters import build_filter, facts_of
-from shore.navigation.imu import ImuTrack, blocks_of, driving_sensor
-from shore.navigation.measurements import FARTHEST_M, Reader
+from shore.navigation.intake import FAR_FIXES, Intake
+from shore.navigation.measurements import FARTHEST_M
 from shore.navigation.notices import Notices
 from shore.navigation.synchronous import Synchronous
 from shore.navigation.timeline import AHEAD_S, HORIZON_S, Timeline
 
 WAITING_AFTER_NS: Final = 5 * NS_PER_S
-FAR_FIXES: Final = 10
-"""So many fixes in a row beyond the plane's reach: it was the origin that was wrong (or the boat was carried away)."""
 
 
 class Estimated(NamedTuple):
@@ -40,23 +38,23 @@ class OwnShip:
         """`step_s`: fuse synchronously every so many seconds, as in the thesis. Raises WayfixError: unknown filter."""
         facts = facts_of(config)
         self.notices = Notices()
-        self._driver = driving_sensor(config)
-        imu = self._imu = ImuTrack(self._driver) if self._driver else None
+        self._intake = Intake(config, self.notices.add)
         self._names = tuple(names)
         self._alignments = {name: Alignment() for name in names}
         filters = [build_filter(name, facts) for name in names]
         self._bank = Bank(filters, facts, has_compass=bool(config.with_role("compass")))
         self._feeder: Timeline | Synchronous = (
-            Timeline(self._bank, imu) if step_s is None else Synchronous(self._bank, imu, step_s)
+            Timeline(self._bank, self._intake.imu)
+            if step_s is None
+            else Synchronous(self._bank, self._intake.imu, step_s)
         )
-        self._reader = Reader(config, self.notices.add)
         self._first_ns: int | None = None
         self._newest_ns = 0
 
     @property
     def is_out_of_reach(self) -> bool:
         """The plane's origin is wrong: so many fixes in a row lie too far away."""
-        return self._reader.far_in_a_row >= FAR_FIXES
+        return self._intake.is_out_of_reach
 
     def moved(self, t_ns: int) -> None:
         """Say that this run begins because the one before was out of reach."""
@@ -67,7 +65,7 @@ class OwnShip:
         if self._first_ns is None:
             self._first_ns, self._newest_ns = frame.t0_ns, frame.t1_ns
         self._newest_ns = max(self._newest_ns, frame.t1_ns)
-        moments = self._feeder.push(self._batch(frame))
+        moments = self._feeder.push(self._intake.batch(frame))
         self._notice_resets()
         estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
         waiting = self._waiting(moments[-1], estimates) if moments else None
@@ -75,13 +73,8 @@ class OwnShip:
         self._notice_unused()
         return Estimated(tuple(estimates), self.notices.take(), waiting)
 
-    def _batch(self, frame: Frame) -> Batch:
-        """The frame's measurements, converted; those of no use are left out."""
-        blocks = blocks_of(frame, self._driver) if self._driver else ()
-        return Batch(frame.t1_ns, frame.boot_id, self._reader.read(frame), blocks)
-
     def _estimates(self, moment: Moment, frame: Frame) -> list[Estimate]:
-        plane = self._reader.plane
+        plane = self._intake.plane
         if plane is None:
             return []
         estimates = []
@@ -127,5 +120,4 @@ class OwnShip:
     def _notice_unused(self) -> None:
         self.notices.summed("late-dropped", self._feeder.late, self._newest_ns, limit_s=HORIZON_S)
         self.notices.summed("ahead-dropped", self._feeder.ahead, self._newest_ns, limit_s=AHEAD_S)
-        if self._imu and self._driver and self._imu.left_out:
-            self.notices.summed("imu-implausible", {self._driver.id: self._imu.left_out}, self._newest_ns)
+        self.notices.summed("imu-implausible", self._intake.implausible, self._newest_ns)

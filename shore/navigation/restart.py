@@ -1,4 +1,4 @@
-"""The opening of a run: the first operations of a filter, kept so that they can be filtered again once R is known.
+"""Repeated initialisation: the first operations of a filter are kept and filtered again once their noise R is known.
 
 A wrong R0 does its harm in the first seconds: the state swallows noise taken for knowledge, P shrinks, and both need
 minutes to recover. So the operations since the start are kept, and each time the slowest sensor has doubled its number
@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from shore.navigation.measurements import Known, Measurement, Sailing, Stream
+from shore.navigation.measurements import Measurement, PseudoMeasurement
 from shore.navigation.models import ImuInput
 from shore.navigation.numbers import Array
 
 FIRST_DUE: Final = 2
 """Samples of the slowest sensor at which the opening is filtered again for the first time."""
 LAST_DUE: Final = 32
-"""... and for the last time."""
+"""Samples of the slowest sensor at which it is filtered again for the last time."""
 MOST_OPERATIONS: Final = 8_000
 """The opening ends here at the latest: four minutes of a 20 Hz IMU and a 10 Hz compass."""
 SILENT_AFTER: Final = 3.0
@@ -31,6 +31,16 @@ class Passed(NamedTuple):
     imu: ImuInput | None
 
 
+class Assumed(NamedTuple):
+    """A pseudo-measurement."""
+
+    known: PseudoMeasurement
+
+
+Operation = Passed | Assumed | Measurement
+"""What is done to a filter."""
+
+
 @dataclass(frozen=True, slots=True)
 class Opening:
     """What has happened to a filter since its start; immutable."""
@@ -41,12 +51,14 @@ class Opening:
     """Its covariance (..., n, n)."""
     read_from: Mapping[int, str] = field(default_factory=dict)
     """Component -> channel it was read from: its variance holds that channel's R0, and follows when R is learned."""
-    operations: tuple[Passed | Measurement | Known, ...] = ()
+    operations: tuple[Operation, ...] = ()
+    """All since the start, in order."""
     counts: Mapping[str, int] = field(default_factory=dict)
-    """Samples of each sensor."""
+    """Sensor -> samples since the start."""
     heard: Mapping[str, int] = field(default_factory=dict)
-    """Operations up to the last sample of each."""
+    """Sensor -> operations since the start up to its last sample."""
     due: int = FIRST_DUE
+    """Samples of the slowest sensor at which it is filtered again next."""
 
     @classmethod
     def at(cls, x: Array, P: Array, read_from: Mapping[int, str]) -> "Opening":
@@ -55,7 +67,7 @@ class Opening:
 
     @property
     def is_due(self) -> bool:
-        """Time to filter again."""
+        """True when it is time to filter again."""
         waited_for = (count for sensor, count in self.counts.items() if not self._is_silent(sensor))
         return min(waited_for, default=0) >= self.due
 
@@ -66,13 +78,13 @@ class Opening:
 
     @property
     def is_over(self) -> bool:
-        """No more to come."""
+        """True when it is filtered again no more."""
         return self.due > LAST_DUE or len(self.operations) >= MOST_OPERATIONS
 
-    def then(self, operation: Passed | Measurement | Known) -> "Opening":
+    def then(self, operation: Operation) -> "Opening":
         """With one more operation."""
         operations = (*self.operations, operation)
-        if isinstance(operation, Passed | Sailing | Stream):
+        if isinstance(operation, Passed | Assumed):
             return replace(self, operations=operations)
         sensor = operation.sensor
         counts = {**self.counts, sensor: self.counts.get(sensor, 0) + 1}

@@ -1,4 +1,4 @@
-"""The smoother: estimates that know what was measured afterwards, behind any filter of the registry.
+"""RTS smoother: estimates that know what was measured afterwards, behind any filter of the registry.
 
 Rauch, Tung, Striebel, *Maximum likelihood estimates of linear dynamic systems* (1965), in a form that can be composed
 (Sarkka, Garcia-Fernandez, *Temporal parallelization of Bayesian smoothers*, 2021). Letters as in `kalman`; y is the
@@ -9,25 +9,22 @@ state at a later time. Given y and all that was measured before it, the earlier 
 Over one prediction b is the predicted state, E = C P^-1 with the predicted P and C = cov(before, after), and
 L = P before - E C^T. Backwards, the smoothed y gives the covariance L + E P_y E^T, a sum of what cannot be negative.
 
-Two links, whatever is measured between them, make one (`Link.then`). So memory grows with the times that are kept and
-not with the rate of the IMU: 2.3 kB each for nine states, 82 MB an hour at ten a second.
+Two links, whatever is measured between them, make one (`RtsLink.then`). So memory grows with the times that are kept
+and not with the rate of the IMU: 2.3 kB each for nine states, 82 MB an hour at ten a second.
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from shore.navigation.filters import Filter, FilterFacts, FilterState, Predict, parts_of
+from shore.navigation.filters import FilterFacts, FilterState, build_filter
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
-from shore.navigation.models import Gaussian, ImuInput
-from shore.navigation.noise.adaptation import NoiseRule
+from shore.navigation.models import Gaussian
 from shore.navigation.numbers import Array, clip, part
-from shore.navigation.restart import Opening
 
 
-class Link(NamedTuple):
+class RtsLink(NamedTuple):
     """What an earlier state is when a later one is known."""
 
     x: Array
@@ -37,13 +34,13 @@ class Link(NamedTuple):
     L: Array
     """Its covariance when the later one is known, (..., n, n)."""
     b: Array
-    """The later state, as predicted, (..., n)."""
+    """The later state as it was predicted, (..., n)."""
 
-    def then(self, following: "Link") -> "Link":
+    def then(self, following: "RtsLink") -> "RtsLink":
         """From the earlier state of this link to the later one of the next, which begins where this one ends."""
         x = self._at(following.x)
         L = self.L + self.E @ following.L @ self.E.swapaxes(-1, -2)
-        return Link(x, self.E @ following.E, L, following.b)
+        return RtsLink(x, self.E @ following.E, L, following.b)
 
     def back(self, later: Gaussian) -> Gaussian:
         """The earlier state when the later one has been smoothed."""
@@ -56,12 +53,12 @@ class Link(NamedTuple):
         return x
 
 
-def link_of(before: FilterState, predicted: Predicted) -> Link:
+def link_of(before: FilterState, predicted: Predicted) -> RtsLink:
     """The link of one prediction."""
     cross = predicted.cross
     E = _gain(predicted.P, cross)
     L = symmetric(before.P - E @ cross.swapaxes(-1, -2))
-    return Link(before.x, E, L, predicted.x)
+    return RtsLink(before.x, E, L, predicted.x)
 
 
 def _gain(P: Array, cross: Array) -> Array:
@@ -79,43 +76,34 @@ def _gain(P: Array, cross: Array) -> Array:
     return E
 
 
-class Recorder(Filter):
-    """A filter that remembers its way between the moments named by `keep`, for `smoothed`. It goes forward only."""
+class Smoother:
+    """One filter of the registry, and the smoothed states of the moments named by `keep`; it goes forward only.
 
-    def __init__(self, name: str, predict: Predict, rule: NoiseRule, facts: FilterFacts) -> None:
-        super().__init__(name, predict, rule, facts)
+    Raises: WayfixError for an unknown name.
+    """
+
+    def __init__(self, name: str, facts: FilterFacts) -> None:
+        self.filter: Final = build_filter(name, facts, observer=self)
         self._passed = 0
         """Predictions since the start."""
         self._marks: list[int] = []
         """Predictions before each kept moment."""
-        self._links: dict[int, Link] = {}
+        self._links: dict[int, RtsLink] = {}
         """From a mark to the next, or to now."""
         self._newest: Gaussian | None = None
         """What was believed at the last mark."""
 
-    def start(self, x: Array, P: Array, read_from: Mapping[int, str] | None = None) -> None:
-        """Begin anew; nothing is kept of what was before."""
-        super().start(x, P, read_from)
-        self._passed = 0
-        self._marks.clear()
-        self._links.clear()
-
-    def restore(self, state: FilterState) -> None:
-        """Raises ValueError for any state but the newest."""
-        if state is not self.estimate:
-            raise ValueError("a recorder cannot go back")
-
     def keep(self) -> None:
         """The state of this moment is to be smoothed; what is measured at the same moment may follow."""
         self._marks.append(self._passed)
-        self._newest = self.estimate.gaussian
+        self._newest = self.filter.estimate.gaussian
 
     def smoothed(self) -> list[Gaussian]:
         """The kept moments in order, with all that has been measured so far; limited states within their limits.
 
         After numbers that are not finite: with what had been measured up to the last kept moment.
         """
-        later, links = self.estimate.gaussian, self._links
+        later, links = self.filter.estimate.gaussian, self._links
         if self._newest is not None and not np.isfinite(later.x).all():
             later = self._newest
             links = {mark: link for mark, link in links.items() if mark < self._marks[-1]}
@@ -126,21 +114,24 @@ class Recorder(Filter):
             moments[mark] = _limited(later)
         return [moments[mark] for mark in self._marks]
 
-    def _pass(self, dt_s: float, imu: ImuInput | None) -> Predicted:
-        before = self.estimate
-        predicted = super()._pass(dt_s, imu)
+    def started(self) -> None:
+        """The filter has started: nothing is kept of what was before."""
+        self._passed = 0
+        self._marks.clear()
+        self._links.clear()
+
+    def passed(self, before: FilterState, predicted: Predicted) -> None:
+        """The filter has made a prediction."""
         place = bisect_right(self._marks, self._passed)
         if place:
             mark, link = self._marks[place - 1], link_of(before, predicted)
             self._links[mark] = self._links[mark].then(link) if mark in self._links else link
         self._passed += 1
-        return predicted
 
-    def _filter_again(self, opening: Opening) -> None:
+    def repeats(self) -> None:
         """All predictions since the start come once more, and replace what was recorded of them."""
         self._passed = 0
         self._links.clear()
-        super()._filter_again(opening)
 
 
 def _limited(state: Gaussian) -> Gaussian:
@@ -149,11 +140,3 @@ def _limited(state: Gaussian) -> Gaussian:
     for place, limit in state.space.limits:
         x[..., place] = clip(part(x, place), -limit, limit)
     return state._replace(x=x)
-
-
-def build_recorder(name: str, facts: FilterFacts) -> Recorder:
-    """A filter of the registry that can be smoothed.
-
-    Raises: WayfixError for an unknown name.
-    """
-    return Recorder(name, *parts_of(name), facts)

@@ -1,23 +1,22 @@
-"""The thesis' way of fusing (Fig. 3.14): one record px, py, ax, ay, omega, psi for each step, times inside it ignored.
+"""Fixed-step fusion (thesis Fig. 3.14): one record px, py, ax, ay, omega, psi for each step, times inside it ignored.
 
 A step closes when a frame reaches its end. It takes the mean of the IMU over the step, the newest fix if there is one
 that no step has used, and the newest heading likewise.
 """
 
-import math
 from collections import Counter
 from typing import Final
 
 from common.units import NS_PER_S
 from shore.navigation.bank import Bank, Batch, Moment
-from shore.navigation.imu import ImuTrack, Step
-from shore.navigation.measurements import Measurement, Position, TrueHeading
+from shore.navigation.imu import ImuTrack, TimeStep
+from shore.navigation.measurements import Measurement
 from shore.navigation.timeline import AHEAD_NS
 
 SHORTEST_STEP_S: Final = 0.05
 LONGEST_STEP_S: Final = 60.0
 _LONGEST_HOLE_NS: Final = 60 * NS_PER_S
-"""After a longer silence (a suspended board) the steps begin anew instead of filling it one by one."""
+"""After a longer silence (a suspended board) the steps begin again at its end instead of filling it one by one."""
 
 
 class Synchronous:
@@ -35,7 +34,8 @@ class Synchronous:
         """Always empty: a step takes what has arrived, whatever its age."""
         self.ahead: Counter[str] = Counter()
         """Sensor -> measurements stamped after their frame, not fused."""
-        self._used_ns = {Position: -math.inf, TrueHeading: -math.inf}
+        self._used_ns: dict[int, int] = {}
+        """Rank -> time of the newest measurement that a step has used."""
 
     def push(self, batch: Batch) -> list[Moment]:
         """Take in a batch. Returns the moment of every step that its end closes; the first frame's end is the first."""
@@ -62,17 +62,19 @@ class Synchronous:
     def _close(self, end_ns: int) -> Moment:
         """Predict over the step, then fuse its record."""
         imu = self._imu.mean(end_ns - self._step_ns, end_ns) if self._imu is not None else None
-        record = [measured for kind in (Position, TrueHeading) if (measured := self._newest(kind, end_ns))]
+        record = self._record(end_ns)
         self._waiting = [measured for measured in self._waiting if measured.t_ns > end_ns]
         if self._imu is not None:
             self._imu.forget_before(end_ns)
-        return self._bank.advance(self._moment, end_ns, [Step(self._step_s, imu)], record, imu)
+        return self._bank.advance(self._moment, end_ns, [TimeStep(self._step_s, imu)], record, imu)
 
-    def _newest(self, kind: type[Position] | type[TrueHeading], end_ns: int) -> Measurement | None:
-        """The newest of a kind up to the end of the step, unless an earlier step has used it or a newer one."""
-        ready = [m for m in self._waiting if isinstance(m, kind) and self._used_ns[kind] < m.t_ns <= end_ns]
-        if not ready:
-            return None
-        newest = max(ready, key=lambda measured: measured.t_ns)
-        self._used_ns[kind] = newest.t_ns
-        return newest
+    def _record(self, end_ns: int) -> list[Measurement]:
+        """The newest of each rank up to the end of the step, unless an earlier step has used it or a newer one."""
+        newest: dict[int, Measurement] = {}
+        for measured in self._waiting:
+            known = newest.get(measured.rank)
+            if measured.t_ns <= end_ns and (known is None or measured.t_ns > known.t_ns):
+                newest[measured.rank] = measured
+        fresh = {rank: newest[rank] for rank in sorted(newest) if newest[rank].t_ns > self._used_ns.get(rank, -1)}
+        self._used_ns |= {rank: measured.t_ns for rank, measured in fresh.items()}
+        return list(fresh.values())

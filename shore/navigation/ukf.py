@@ -1,4 +1,4 @@
-"""The unscented prediction of the thesis (Eqs 4.44-4.53): alpha 1, kappa 0, beta 2, additive process noise.
+"""Unscented transform of the thesis' prediction (Eqs 4.44-4.53): alpha 1, kappa 0, beta 2, additive process noise.
 
 Letters as in `kalman`. Sigma points are rows: numpy's Cholesky factor L is *lower* (P = L L^T), so offset i is column i
 of L, that is row i of L^T. The measurement model is linear, so the update is `kalman.update_scalar`.

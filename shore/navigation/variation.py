@@ -24,8 +24,8 @@ the earth), and a receiver that lost 1024 weeks does little harm."""
 MIDDLE_YEAR: Final = 0.5 * (FIRST_YEAR + LAST_YEAR)
 """Stands for an unknown date: at most 2.5 years, 0.6 deg (95 % of the earth), from any date of the model's life."""
 MOVED_M: Final = 10_000.0
-"""Worked out anew after so far: 0.17 deg at most where the horizontal field exceeds 20,000 nT (two thirds of the earth,
-median 0.03), half the doubt the model itself has there."""
+"""Calculated again after so far: 0.17 deg at most where the horizontal field exceeds 20,000 nT (two thirds of the
+earth, median 0.03), half the doubt the model itself has there."""
 AGED_NS: Final = 24 * 3600 * NS_PER_S
 """And after a day, in which the field turns by less than 0.001 deg: a receiver's date may have come right meanwhile."""
 CAUTION_NT: Final = 6000.0
@@ -50,7 +50,7 @@ class Variation:
         self._told: set[str] = set()
         self._place: _Place | None = None
         self._deg: float | None = None
-        """At `_place`; None = not worked out yet."""
+        """Variation at `_place`, deg, east +; `None` = not calculated yet."""
         self._asked_ns: int | None = None
 
     def see(self, lat_deg: float, lon_deg: float, utc_ns: int | None) -> None:

@@ -1,4 +1,4 @@
-"""What is known of the water without measuring it; optional, it bounds the drift of an outage.
+"""Pseudo-measurements of the water: what is known of it without a sensor; optional, it bounds the drift of an outage.
 
 A field says how the water flows; a boat goes through it where its bow points, with the way that its thrust keeps up.
 All of it is wrong for a while in the same sense. Fused each second as if every time were independent it would claim
@@ -10,12 +10,67 @@ within T what it differed by. The way itself is never told: the filter finds it 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from common.simulation.fields import VectorField
 from shore.navigation.filters import Filter, FilterFacts
-from shore.navigation.measurements import Sailing, Stream
-from shore.navigation.models import EAST, NORTH, Extra, StateSpace
+from shore.navigation.measurements import PseudoPart, PseudoScalar
+from shore.navigation.models import EAST, NORTH, Extra, StateSpace, through_water
 from shore.navigation.numbers import Array, Number, part
+
+
+class Sailing(NamedTuple):
+    """A boat goes through the water where its bow points, with the way it has."""
+
+    athwart: float
+    """Variance of its speed athwart, m^2/s^2."""
+    along: float
+    """Variance of its speed ahead about its way, m^2/s^2."""
+
+    @property
+    def parts(self) -> tuple[PseudoPart, ...]:
+        """No speed athwart; speed ahead = the way, where that is a state."""
+        return self._no_speed_athwart, self._speed_is_way
+
+    def _no_speed_athwart(self, space: StateSpace, x: Array) -> PseudoScalar:
+        _, (speed, slope) = through_water(space, x)
+        return PseudoScalar(x, tuple(slope.items()), -speed, self.athwart)
+
+    def _speed_is_way(self, space: StateSpace, x: Array) -> PseudoScalar | None:
+        if (way := space.index("way_m_s")) is None:
+            return None
+        (speed, slope), _ = through_water(space, x)
+        return PseudoScalar(x, (*slope.items(), (way, -1.0)), part(x, way) - speed, self.along)
+
+
+class Stream(NamedTuple):
+    """The current that a field gives at the estimated place: it changes as the field does, what it differs by fades."""
+
+    east_m_s: Number
+    north_m_s: Number
+    change_east_m_s: Number
+    """How much the current has changed since the last time, at the place estimated then."""
+    change_north_m_s: Number
+    variance: float
+    """R of each axis, m^2/s^2."""
+
+    @property
+    def parts(self) -> tuple[PseudoPart, ...]:
+        """East, then north, where the current is a state."""
+        return self._east, self._north
+
+    def _east(self, space: StateSpace, x: Array) -> PseudoScalar | None:
+        return self._axis(space.index("current_east_m_s"), x, self.east_m_s, self.change_east_m_s)
+
+    def _north(self, space: StateSpace, x: Array) -> PseudoScalar | None:
+        return self._axis(space.index("current_north_m_s"), x, self.north_m_s, self.change_north_m_s)
+
+    def _axis(self, place: int | None, x: Array, value: Number, change: Number) -> PseudoScalar | None:
+        if place is None:
+            return None
+        changed = x.copy()
+        changed[..., place] += change
+        return PseudoScalar(changed, ((place, 1.0),), value - part(changed, place), self.variance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,13 +80,13 @@ class Water:
     field: VectorField | None = None
     """Velocity of the water by place on the filter's plane and time; `None` = unknown: it wanders by `walk_m_s`."""
     field_error_m_s: float = 0.1
-    """Of each axis: an atlas of tides, a model's grid."""
+    """Error of the field on each axis: an atlas of tides, a model's grid."""
     field_error_s: float = 600.0
     """How long a field stays wrong in the same sense."""
     walk_m_s: float = 0.01
     """Density m/s / sqrt(s): 0.5 m/s in 40 min."""
     largest_m_s: float = 0.5
-    """Of each axis, before anything is known."""
+    """Current on each axis, before anything is known."""
     leeway_m_s: float = 0.05
     """Speed athwart through the water: wind, waves, turns."""
     leeway_s: float = 60.0
@@ -43,7 +98,7 @@ class Water:
     way_m_s: float = 0.1
     """By how much the way changes, mostly by wind ..."""
     way_s: float = 300.0
-    """... within this."""
+    """... and within which time it changes by that."""
 
     def told(self, facts: FilterFacts) -> FilterFacts:
         """The facts with current and way as states."""
@@ -62,9 +117,9 @@ class Water:
         if self.field is not None:
             was, now = self._flow(before, t_s - dt_s), self._flow(each.estimate.x, t_s)
             variance = self.field_error_m_s**2 * self.field_error_s / dt_s
-            each.update(Stream(*now, now[0] - was[0], now[1] - was[1], variance))
+            each.assume(Stream(*now, now[0] - was[0], now[1] - was[1], variance))
         athwart = 2.0 * self.leeway_m_s**2 * self.leeway_s / dt_s
-        each.update(Sailing(athwart, 2.0 * self.surge_m_s**2 * self.surge_s / dt_s))
+        each.assume(Sailing(athwart, 2.0 * self.surge_m_s**2 * self.surge_s / dt_s))
 
     def _flow(self, x: Array, t_s: float) -> tuple[Number, Number]:
         assert self.field is not None

@@ -1,11 +1,10 @@
-"""The smoothed track of a log: every estimate knows the whole log. Frames in order of boat time in, estimates out.
+"""Fixed-interval smoothing: every estimate knows the whole log. Frames in order of boat time in, estimates out.
 
 Each measurement and each IMU sample is taken once and at its own time, when nothing older can come any more: that is
 what the timeline's order ends in, without its rewinding.
 """
 
 import csv
-from bisect import bisect_left
 from codecs import getwriter
 from collections import deque
 from collections.abc import Iterable
@@ -18,30 +17,26 @@ from common.messages import Frame
 from common.sensors import BoatConfig
 from common.units import NS_PER_S
 from common.whole_file import whole_file
-from shore.navigation.bank import Bank, Batch
+from shore.navigation.bank import Bank
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filters import FilterState, facts_of
-from shore.navigation.imu import ImuTrack, blocks_of, driving_sensor
-from shore.navigation.measurements import Reader
-from shore.navigation.own_ship import FAR_FIXES
-from shore.navigation.smoother import build_recorder
-from shore.navigation.timeline import HORIZON_NS, Timeline
+from shore.navigation.intake import Intake
+from shore.navigation.smoother import Smoother
+from shore.navigation.timeline import HORIZON_NS, Order
 
 SUFFIX: Final = "-smoothed"
-"""Behind the filter's name in the estimates."""
+"""What stands behind the filter's name in the estimates."""
 COLUMNS: Final = (
     "t_s", "lat_deg", "lon_deg", "heading_true_deg", "t_ns", "sog_kn", "sigma_east_m", "sigma_north_m",
     "sigma_heading_deg",
 )  # fmt: skip
-"""Of the CSV file, which is also a reference track."""
-_END: Final = 3
-"""The end of a frame, after all that is measured at the same time."""
+"""Columns of the CSV file, which is also a reference track."""
 
 
 def smooth_log(config: BoatConfig, frames: Iterable[Frame], name: str) -> list[Estimate]:
     """An estimate of filter `name` for the end of each frame since its start; `frames` in order of boat time.
 
-    As live, everything begins anew with another clock of the board, and where the origin was wrong.
+    As live, everything begins again with another clock of the board, and where the origin was wrong.
     Raises: WayfixError for an unknown filter.
     """
     estimates: list[Estimate] = []
@@ -49,85 +44,73 @@ def smooth_log(config: BoatConfig, frames: Iterable[Frame], name: str) -> list[E
         run = _Run(config, name)
         for frame in comparable:
             run.take(frame)
-            if run.far_fixes >= FAR_FIXES:
+            if run.is_out_of_reach:
                 estimates += run.finish()
                 run = _Run(config, name)
         estimates += run.finish()
     return estimates
 
 
-class _Run(Timeline):
+class _Run:
     """One filter over one clock of the board and one plane."""
 
     def __init__(self, config: BoatConfig, name: str) -> None:
         facts = facts_of(config)
-        self._driver = driving_sensor(config)
-        self._recorder = build_recorder(name, facts)
-        bank = Bank([self._recorder], facts, has_compass=bool(config.with_role("compass")))
-        super().__init__(bank, ImuTrack(self._driver) if self._driver else None)
-        self._reader = Reader(config, lambda _event: None)
+        self._intake = Intake(config, lambda _event: None)
+        self._order = Order(self._intake.imu)
+        self._smoother = Smoother(name, facts)
+        self._bank = Bank([self._smoother.filter], facts, has_compass=bool(config.with_role("compass")))
+        self._moment = self._bank.at_rest()
+        """The memory after the last settled event."""
         self._name = name + SUFFIX
         self._ends: deque[Frame] = deque()
         """Frames whose end is still to come."""
         self._kept: list[Frame] = []
-        """Frames for whose end the recorder keeps a state."""
+        """Frames for whose end the smoother keeps a state."""
         self._estimates: list[Estimate] = []
 
     @property
-    def far_fixes(self) -> int:
-        """Fixes in a row that lie beyond the plane's reach."""
-        return self._reader.far_in_a_row
+    def is_out_of_reach(self) -> bool:
+        """Everything must begin again on another plane."""
+        return self._intake.is_out_of_reach
 
     def take(self, frame: Frame) -> None:
         """Put a frame in its place, and settle what is older than the horizon."""
-        batch = Batch(
-            frame.t1_ns,
-            frame.boot_id,
-            self._reader.read(frame),
-            blocks_of(frame, self._driver) if self._driver else (),
-        )
-        self._newest_ns = frame.t1_ns
-        for measured in batch.measurements:
-            self._insert(measured, batch)
-        for index in range(len(batch.blocks)):
-            self._insert_block(index, batch)
-        self._add(frame.t1_ns, _END, "", None)
+        self._order.put(self._intake.batch(frame))
+        self._order.put_end(frame.t1_ns)
         self._ends.append(_bare(frame))
         self._settle(frame.t1_ns - HORIZON_NS)
 
     def finish(self) -> list[Estimate]:
         """Settle the rest; the estimates of the whole run."""
-        if self._events:
-            self._settle(self._events[-1].t_ns + 1)
+        if self._order.events:
+            self._settle(self._order.events[-1].t_ns + 1)
         self._smooth()
         return self._estimates
 
     def _settle(self, until_ns: int) -> None:
         """Feed the events before `until_ns`, in order."""
-        old = bisect_left(self._events, until_ns, key=lambda event: event.t_ns)
-        for event in self._events[:old]:
-            measured = () if event.measured is None else (event.measured,)
-            steps, shown = self._steps(self._base, event.t_ns), self._shown(self._base, event.t_ns)
-            self._base = self._bank.advance(self._base, event.t_ns, steps, measured, shown)
+        order = self._order
+        for event in order.events[: order.before(until_ns)]:
+            steps, shown = order.steps(self._moment, event.t_ns), order.shown(self._moment, event.t_ns)
+            self._moment = self._bank.advance(self._moment, event.t_ns, steps, event.measured, shown)
             if self._bank.resets:
                 self._bank.resets.clear()
                 self._smooth()
-            if event.key[1] == _END:
+            if event.ends_frame:
                 frame = self._ends.popleft()
-                if self._base.states[0] is not None:
-                    self._recorder.keep()
+                if self._moment.states[0] is not None:
+                    self._smoother.keep()
                     self._kept.append(frame)
-        del self._events[:old]
-        if self._imu is not None:
-            self._imu.forget_before(until_ns)
+        order.forget(until_ns)
 
     def _smooth(self) -> None:
-        """Smooth what has been kept; the recorder begins anew after that."""
-        plane = self._reader.plane
+        """Smooth what has been kept; the smoother begins again after that."""
+        plane = self._intake.plane
         if not self._kept or plane is None:
             return
-        repairs = self._recorder.estimate.repairs
-        for frame, (space, x, P) in zip(self._kept, self._recorder.smoothed(), strict=True):
+        repairs = self._smoother.filter.estimate.repairs
+        for frame, (space, x, P) in zip(self._kept, self._smoother.smoothed(), strict=True):
             state = FilterState(space, x, P, {}, repairs)
             estimate = estimate_of(state, frame, plane, name=self._name, t_ns=frame.t1_ns, waiting=())
             if estimate is not None:

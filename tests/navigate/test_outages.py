@@ -15,10 +15,10 @@ from common.simulation.scenarios import SCENARIOS
 from common.simulation.tables import REALISTIC
 from shore.lab.batch import EIGHT, Setting
 from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
-from shore.navigation.measurements import Position, Sailing, Stream, TrueHeading
+from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.models import FIVE, Extra, ImuInput, StateSpace, through_water
 from shore.navigation.numbers import Array
-from shore.navigation.water import Water
+from shore.navigation.water import Sailing, Stream, Water
 
 UNCALIBRATED = SCENARIOS["uncalibrated"]
 TIDAL = SCENARIOS["tidal-outage"]
@@ -153,7 +153,7 @@ def started(*, batch: bool) -> Filter:
 @pytest.mark.parametrize("batch", [False, True])
 def test_what_a_boat_drifts_athwart_is_the_current_and_the_one_ahead_stays_unknown(batch: bool) -> None:
     each = started(batch=batch)
-    each.update(Sailing(1e-6, 1e-6))
+    each.assume(Sailing(1e-6, 1e-6))
     x, P = each.estimate.x, each.estimate.P
     assert x[..., 5] == pytest.approx(1.0, abs=0.01)
     assert P[..., 5, 5] == pytest.approx(0.0, abs=1e-4)
@@ -164,8 +164,8 @@ def test_what_a_boat_drifts_athwart_is_the_current_and_the_one_ahead_stays_unkno
 @pytest.mark.parametrize("batch", [False, True])
 def test_a_field_tells_the_way_from_the_current(batch: bool) -> None:
     each = started(batch=batch)
-    each.update(Stream(1.0, 0.5, 0.0, 0.0, 1e-6))
-    each.update(Sailing(1e-6, 1e-6))
+    each.assume(Stream(1.0, 0.5, 0.0, 0.0, 1e-6))
+    each.assume(Sailing(1e-6, 1e-6))
     assert each.estimate.x[..., 5] == pytest.approx(1.0, abs=0.01)
     assert each.estimate.x[..., 7] == pytest.approx(1.5, abs=0.01)
 
@@ -202,7 +202,7 @@ def test_what_is_known_survives_an_opening_that_is_filtered_again() -> None:
     each.start(
         np.array([0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0]), np.diag([1.0, 1.0, 0.01, 0.01, 1e-4, 0.25, 0.25, 4.0])
     )
-    each.update(Sailing(1e-4, 1e-4))
+    each.assume(Sailing(1e-4, 1e-4))
     for second in range(1, 40):
         each.predict(1.0, ImuInput(0.0, 0.0, 0.0))
         each.update(Position(0, "gps1", float(second), 2.0 * second))

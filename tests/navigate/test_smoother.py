@@ -14,7 +14,7 @@ from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.models import FIVE, Extra, Gaussian, ImuInput, ProcessNoise, StateSpace, jacobian, process_noise
 from shore.navigation.noise.adaptation import Channel
 from shore.navigation.numbers import Array, wrapped
-from shore.navigation.smoother import Recorder, build_recorder
+from shore.navigation.smoother import Smoother
 
 BIASES = (Extra("gyro_bias_rad_s", 0.005), Extra("accel_bias_fwd_m_s2", 0.04), Extra("accel_bias_stb_m_s2", 0.04))
 EIGHT = StateSpace(BIASES)
@@ -38,14 +38,14 @@ def some_way(seed: int) -> list[Operation]:
     return way
 
 
-def carry(each: Recorder, way: Sequence[Operation], imu: ImuInput | None = None) -> None:
+def carry(each: Smoother, way: Sequence[Operation], imu: ImuInput | None = None) -> None:
     for item in way:
         if isinstance(item, float):
-            each.predict(item, imu)
+            each.filter.predict(item, imu)
         elif isinstance(item, str):
             each.keep()
         else:
-            each.update(item)
+            each.filter.update(item)
 
 
 def least_squares(x: Array, P: Array, way: Sequence[Operation], facts: FilterFacts) -> list[tuple[Array, Array]]:
@@ -94,10 +94,10 @@ def test_it_is_the_exact_answer_of_a_linear_world(name: str, known: tuple[int, .
     way = some_way(seed)
     x, P = np.array([0.0, 0.0, 0.3, -0.2, math.pi - 0.01]), np.diag([25.0, 25.0, 1.0, 1.0, 0.05])
     P[known, known] = 1e-14 if name == "ukf" else 0.0
-    each = build_recorder(name, FilterFacts(CHANNELS))
-    each.start(x, P)
+    each = Smoother(name, FilterFacts(CHANNELS))
+    each.filter.start(x, P)
     carry(each, way)
-    expected = least_squares(x, P, way, each.facts)
+    expected = least_squares(x, P, way, each.filter.facts)
     found = each.smoothed()
     assert len(found) == 8
     for (mean, covariance), state in zip(expected, found, strict=True):
@@ -110,11 +110,11 @@ def test_it_is_the_exact_answer_of_a_linear_world(name: str, known: tuple[int, .
 SHAKEN = ImuInput(0.2, -0.1, 0.15)
 
 
-def started(name: str, space: StateSpace, runs: int | None = None) -> Recorder:
-    each = build_recorder(name, FilterFacts(CHANNELS, space, QUIET))
+def started(name: str, space: StateSpace, runs: int | None = None) -> Smoother:
+    each = Smoother(name, FilterFacts(CHANNELS, space, QUIET))
     x = np.array([0.0, 0.0, 0.3, -0.2, math.pi - 0.01, *[0.0] * len(space.extras)])
     P = np.diag([25.0, 25.0, 1.0, 1.0, 0.05, *(extra.sigma**2 for extra in space.extras)])
-    each.start(*((x, P) if runs is None else (np.tile(x, (runs, 1)), np.tile(P, (runs, 1, 1)))))
+    each.filter.start(*((x, P) if runs is None else (np.tile(x, (runs, 1)), np.tile(P, (runs, 1, 1)))))
     return each
 
 
@@ -160,15 +160,15 @@ def _shifted(item: Operation, shift: Array | float) -> Operation:
 def test_the_filter_itself_does_not_notice() -> None:
     way = some_way(6)
     recorded, plain = started("fuzzy", NINE), build_filter("fuzzy", FilterFacts(CHANNELS, NINE, QUIET))
-    plain.start(recorded.estimate.x, recorded.estimate.P)
+    plain.start(recorded.filter.estimate.x, recorded.filter.estimate.P)
     carry(recorded, way, SHAKEN)
     for item in way:
         if isinstance(item, float):
             plain.predict(item, SHAKEN)
         elif not isinstance(item, str):
             plain.update(item)
-    assert np.array_equal(recorded.estimate.x, plain.estimate.x)
-    assert np.array_equal(recorded.estimate.P, plain.estimate.P)
+    assert np.array_equal(recorded.filter.estimate.x, plain.estimate.x)
+    assert np.array_equal(recorded.filter.estimate.P, plain.estimate.P)
 
 
 def test_it_ends_where_the_filter_does_and_never_knows_less() -> None:
@@ -178,9 +178,9 @@ def test_it_ends_where_the_filter_does_and_never_knows_less() -> None:
     for item in way:
         carry(each, [item], SHAKEN)
         if item == "keep":
-            believed.append(each.estimate)
+            believed.append(each.filter.estimate)
     found = each.smoothed()
-    assert np.array_equal(found[-1].x, each.estimate.x)
+    assert np.array_equal(found[-1].x, each.filter.estimate.x)
     for before, after in zip(believed, found, strict=True):
         assert (after.P.diagonal() <= before.P.diagonal() * (1.0 + 1e-9)).all()
         assert np.linalg.eigvalsh(after.P).min() > -1e-12
@@ -192,18 +192,18 @@ def test_a_limited_state_stays_within_its_limit() -> None:
     each = started("ukf", StateSpace((leak,)))
     for k in range(40):
         each.keep()
-        each.predict(1.0, ImuInput(0.2 if k < 20 else -0.2, 0.0, 0.0))
-        each.update(Position(0, "g", 0.0, -2.0 * k))
-        each.update(TrueHeading(0, "c", math.pi))
+        each.filter.predict(1.0, ImuInput(0.2 if k < 20 else -0.2, 0.0, 0.0))
+        each.filter.update(Position(0, "g", 0.0, -2.0 * k))
+        each.filter.update(TrueHeading(0, "c", math.pi))
     assert max(abs(float(state.x[5])) for state in each.smoothed()) == pytest.approx(0.1, abs=1e-12)
 
 
 def test_what_has_no_variance_is_known() -> None:
     way = some_way(8)
     known, without = started("ekf", EIGHT), started("ekf", FIVE)
-    P = known.estimate.P.copy()
+    P = known.filter.estimate.P.copy()
     P[5:] = P[:, 5:] = 0.0
-    known.start(known.estimate.x, P)
+    known.filter.start(known.filter.estimate.x, P)
     carry(known, way, SHAKEN)
     carry(without, way, SHAKEN)
     for state, expected in zip(known.smoothed(), without.smoothed(), strict=True):
@@ -215,9 +215,9 @@ def test_two_states_that_are_one() -> None:
     """Fully correlated constants: P is singular for ever."""
     way = some_way(8)
     each = started("ekf", EIGHT)
-    P = each.estimate.P.copy()
+    P = each.filter.estimate.P.copy()
     P[6, 7] = P[7, 6] = P[6, 6]
-    each.start(each.estimate.x, P)
+    each.filter.start(each.filter.estimate.x, P)
     carry(each, way, SHAKEN)
     for state in each.smoothed():
         assert state.x[6] == pytest.approx(state.x[7], abs=1e-9)
@@ -235,10 +235,10 @@ def test_an_opening_that_is_filtered_again_is_smoothed_with_what_it_learned() ->
         way += [0.7, 0.3, "keep", Position(0, "g", *(rng.normal(size=2) * 9.0)), TrueHeading(k, "c", heading)]
     learning = started("fuzzy", FIVE)
     carry(learning, way)
-    learned = {name: Channel(float(noise.window[0])) for name, noise in learning.estimate.noise.items()}
+    learned = {name: Channel(float(noise.window[0])) for name, noise in learning.filter.estimate.noise.items()}
     assert learned["c.heading"].initial_variance > 1.5 * CHANNELS["c.heading"].initial_variance
-    knowing = build_recorder("ukf", FilterFacts(learned, FIVE, QUIET))
-    knowing.start(started("ukf", FIVE).estimate.x, started("ukf", FIVE).estimate.P)
+    knowing = Smoother("ukf", FilterFacts(learned, FIVE, QUIET))
+    knowing.filter.start(started("ukf", FIVE).filter.estimate.x, started("ukf", FIVE).filter.estimate.P)
     carry(knowing, way)
     for state, expected in zip(learning.smoothed(), knowing.smoothed(), strict=True):
         assert state.x == pytest.approx(expected.x, abs=1e-9)
@@ -250,21 +250,34 @@ def test_what_came_before_a_number_that_is_not_finite_is_still_smoothed() -> Non
     with np.errstate(invalid="ignore"):
         for k in range(20):
             each.keep()
-            each.predict(1.0, ImuInput(math.nan if k == 19 else 0.0, 0.0, 0.0))
-            each.update(Position(0, "g", float(k), 0.0))
-    assert not each.estimate.healthy
+            each.filter.predict(1.0, ImuInput(math.nan if k == 19 else 0.0, 0.0, 0.0))
+            each.filter.update(Position(0, "g", float(k), 0.0))
+    assert not each.filter.estimate.healthy
     found = each.smoothed()
     assert len(found) == 20
     assert all(np.isfinite(state.x).all() for state in found)
     assert found[0].P[0, 0] < 0.5 * 25.0
 
 
-def test_a_recorder_cannot_go_back() -> None:
+def test_a_filter_that_is_smoothed_cannot_go_back() -> None:
     each = started("ukf", FIVE)
-    before = each.snapshot()
-    each.predict(1.0, None)
+    before = each.filter.snapshot()
+    each.filter.predict(1.0, None)
     with pytest.raises(ValueError, match="cannot go back"):
-        each.restore(before)
+        each.filter.restore(before)
+
+
+def test_another_start_forgets_what_was_kept() -> None:
+    way = some_way(10)
+    again, once = started("ukf", NINE), started("ukf", NINE)
+    x, P = again.filter.estimate.x, again.filter.estimate.P
+    carry(again, [*way, 0.5], SHAKEN)
+    again.filter.start(x, P)
+    carry(again, way, SHAKEN)
+    carry(once, way, SHAKEN)
+    for state, expected in zip(again.smoothed(), once.smoothed(), strict=True):
+        assert np.array_equal(state.x, expected.x)
+        assert np.array_equal(state.P, expected.P)
 
 
 def squares(states: Sequence[Gaussian], truth: Array) -> Array:
@@ -287,20 +300,20 @@ def sail(
         "compass1.heading": Channel(float(turn_rad) ** 2),
     }
     accel, gyro = float(runs.accel_std[1, 0]), float(runs.gyro_std_rad[1])
-    each = build_recorder(name, FilterFacts(channels, space, ProcessNoise(accel, accel, gyro)))
+    each = Smoother(name, FilterFacts(channels, space, ProcessNoise(accel, accel, gyro)))
     sigmas = np.array([*assumed.start_sigmas, *(extra.sigma for extra in space.extras)])
     x = np.zeros((len(runs.imu), space.size))
     x[:, :5] = runs.truth[0] + sigmas[:5] * runs.start_noise[:, :5]
-    each.start(x, np.tile(np.diag(sigmas**2), (len(x), 1, 1)))
-    believed = [each.estimate.gaussian]
+    each.filter.start(x, np.tile(np.diag(sigmas**2), (len(x), 1, 1)))
+    believed = [each.filter.estimate.gaussian]
     each.keep()
     for step in range(1, len(runs.truth)):
-        each.predict(1.0, ImuInput(*np.ascontiguousarray(runs.imu[:, step].T)))
+        each.filter.predict(1.0, ImuInput(*np.ascontiguousarray(runs.imu[:, step].T)))
         if runs.has_gps[step]:
-            each.update(Position(step, "gps1", *np.ascontiguousarray(runs.gps[:, step].T)))
-        each.update(TrueHeading(step, "compass1", runs.compass_rad[:, step]))
+            each.filter.update(Position(step, "gps1", *np.ascontiguousarray(runs.gps[:, step].T)))
+        each.filter.update(TrueHeading(step, "compass1", runs.compass_rad[:, step]))
         each.keep()
-        believed.append(each.estimate.gaussian)
+        believed.append(each.filter.estimate.gaussian)
     return squares(believed, runs.truth), squares(each.smoothed(), runs.truth)
 
 

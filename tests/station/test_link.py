@@ -17,7 +17,7 @@ from common.keys import new_keys
 from common.session import FrameRange
 from common.units import NS_PER_S
 from shore.link.link import Link, Wants
-from shore.link.transport import LinkKeys, Verdict
+from shore.link.transport import HandshakeFault, LinkKeys
 from tests.station.transports import GREETING, FakeTransport, board, nobody
 
 KEYS = LinkKeys(b"own", b"secret", b"boat")
@@ -65,12 +65,14 @@ def test_a_hello_that_nobody_takes_is_said_as_soon_as_somebody_is_there() -> Non
 @pytest.mark.parametrize(
     ("verdict", "keys", "words"),
     [
-        (Verdict.UNKNOWN_KEY, KEYS, "the boat does not know this station's key"),
-        (Verdict.MISMATCH, KEYS, "the boat did not take our greeting"),
-        (Verdict.MISMATCH, None, "the boat wants a key and this station gave none"),
+        (HandshakeFault.UNKNOWN_KEY, KEYS, "the boat does not know this station's key"),
+        (HandshakeFault.MISMATCH, KEYS, "the boat did not take our greeting"),
+        (HandshakeFault.MISMATCH, None, "the boat wants a key and this station gave none"),
     ],
 )
-def test_a_refusal_ends_a_greeting_and_not_a_session(verdict: Verdict, keys: LinkKeys | None, words: str) -> None:
+def test_a_refusal_ends_a_greeting_and_not_a_session(
+    verdict: HandshakeFault, keys: LinkKeys | None, words: str
+) -> None:
     transport = FakeTransport()
     transport.verdicts.append(verdict)
     with pytest.raises(LinkError, match=words):

@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from common.units import NS_PER_MS, NS_PER_S
 from shore.link import machine as theory
 from shore.link.machine import LinkMachine, LinkState, Trigger
-from shore.link.transport import Verdict
+from shore.link.transport import HandshakeFault
 
 WINDOW: Final = 4096
 
@@ -19,7 +19,7 @@ PULLED: Final[dict[Trigger, Callable[[LinkMachine, int], object]]] = {
     Trigger.CONNECT: LinkMachine.connect,
     Trigger.HEARD: LinkMachine.heard,
     Trigger.QUIET: LinkMachine.watch,
-    Trigger.REFUSED: lambda link, _: link.judge(Verdict.UNKNOWN_KEY),
+    Trigger.REFUSED: lambda link, _: link.judge(HandshakeFault.UNKNOWN_KEY),
     Trigger.MOVE: LinkMachine.move,
     Trigger.CLOSE: lambda link, _: link.close(),
 }
@@ -93,11 +93,11 @@ class Session(RuleBasedStateMachine):
         self.link.received_bytes += size
         self.unread_bytes += size
 
-    @rule(verdict=st.sampled_from([Verdict.UNKNOWN_KEY, Verdict.MISMATCH, *[Verdict.BROKEN] * 8]))
-    def handshake_fails(self, verdict: Verdict) -> None:
+    @rule(verdict=st.sampled_from([HandshakeFault.UNKNOWN_KEY, HandshakeFault.MISMATCH, *[HandshakeFault.BROKEN] * 8]))
+    def handshake_fails(self, verdict: HandshakeFault) -> None:
         self.passes(1)
-        self.broken += verdict is Verdict.BROKEN
-        is_final = verdict is not Verdict.BROKEN or self.broken >= 5
+        self.broken += verdict is HandshakeFault.BROKEN
+        is_final = verdict is not HandshakeFault.BROKEN or self.broken >= 5
         assert self.link.judge(verdict) == is_final
         self.is_refused |= is_final
 

@@ -16,8 +16,8 @@ from common.sensors import BoatConfig
 from common.simulation.scenarios import scenario_voyage
 from shore.main import main
 from shore.navigation.kalman import Predicted
-from shore.navigation.models import ImuInput
-from shore.navigation.smoother import Recorder
+from shore.navigation.models import Gaussian, ImuInput, ProcessNoise
+from shore.navigation.ukf import predict_unscented
 from shore.pipeline import Pipeline
 from shore.replay.smooth import COLUMNS, smooth_log, write_track
 from shore.report.score import read_reference
@@ -75,15 +75,13 @@ def test_a_state_that_is_not_finite_costs_nothing_of_what_came_before(
     minute: tuple[BoatConfig, list[Frame]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config, frames = minute
-    passes, predict = count(), Recorder._pass
+    passes = count()
 
-    def fail_once(self: Recorder, dt_s: float, imu: ImuInput | None) -> Predicted:
-        predicted = predict(self, dt_s, imu)
-        if next(passes) == 800:
-            self._state = self.estimate._replace(x=np.full_like(predicted.x, np.nan))
-        return predicted
+    def fail_once(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+        predicted = predict_unscented(before, dt_s, imu, noise)
+        return predicted._replace(x=np.full_like(predicted.x, np.nan)) if next(passes) == 800 else predicted
 
-    monkeypatch.setattr(Recorder, "_pass", fail_once)
+    monkeypatch.setattr("shore.navigation.filters.REGISTRY", {"ukf": (fail_once, "fixed")})
     smooth = smooth_log(config, frames, "ukf")
     times = [each.t_ns for each in smooth]
     assert next(passes) > 1000

@@ -7,7 +7,7 @@ from typing import Any, Final
 from common import session
 from common.messages import SCHEMA_VERSION
 from common.units import NS_PER_S
-from shore.link.transport import Verdict
+from shore.link.transport import HandshakeFault
 
 GREETING: Final = {
     "schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "boot_id": "b0", "next_seq": 0, "runs": [], "config": {},
@@ -38,7 +38,7 @@ class FakeTransport:
         self.opened: list[tuple[float, str]] = []
         self.sent: list[tuple[float, dict[str, Any]]] = []
         self.inbox: deque[list[bytes]] = deque()
-        self.verdicts: deque[Verdict] = deque()
+        self.verdicts: deque[HandshakeFault] = deque()
         self.is_closed = False
         self._begin_ns = self.t_ns = 10**12
 
@@ -69,7 +69,7 @@ class FakeTransport:
         self.go_on(timeout_s)
         return None
 
-    def verdict(self) -> Verdict | None:
+    def verdict(self) -> HandshakeFault | None:
         return self.verdicts.popleft() if self.verdicts else None
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Adaptation of the measurement noise R, one channel (sensor + component) at a time (thesis chapter 5).
+"""Innovation-based adaptation of the measurement noise R, a channel (sensor + component) at a time (thesis chapter 5).
 
 A rule is a pure function: state of the channel + innovation -> new state of the channel. It runs before the update,
 with the innovation and its prior variance h P h^T, so that C_T = h P h^T + R of the R used so far (Eq. 5.2), and
@@ -13,10 +13,12 @@ from shore.navigation.numbers import Number
 
 
 class Channel(NamedTuple):
-    """Facts of one channel: the variance R0 it starts from (m^2 or rad^2) and its nominal rate."""
+    """Facts of one channel."""
 
     initial_variance: float
+    """R0, the variance that it starts from, m^2 or rad^2."""
     rate_hz: float = 1.0
+    """Nominal rate of its measurements."""
 
 
 class ChannelNoise(NamedTuple):
@@ -35,16 +37,16 @@ class ChannelNoise(NamedTuple):
     spread: Number = 0.0
     """Variance of the gain per P h between the members of a bank, times the innovation squared."""
     is_held: bool = False
-    """While the opening is filtered again, R stays."""
+    """True while the opening is filtered again: R stays as it is."""
     drive: Number = 1.0
     """Factor on the noise density of the input that this channel sees: the gyro's by headings, the accelerometers' by
     positions."""
     negatives: Number = 0.0
     """Outcomes of covariance matching that were not positive (Eq. 5.6)."""
     weights: tuple[Number, ...] = ()
-    """Probabilities of a bank's hypotheses."""
+    """Probabilities of a bank's J hypotheses; of a batch (J, runs)."""
     lag: tuple[Number, ...] = ()
-    """Mean of the normalised innovations and their lagged covariance, see `drive`."""
+    """Mean of the normalised innovations and their lagged covariance, see `noise.process_noise`."""
 
 
 class NoiseRule(Protocol):

@@ -1,4 +1,4 @@
-"""The two fuzzy rules for R: the thesis' own as printed (Eqs 5.10-5.23), and the station's.
+"""Fuzzy adaptation of R: the thesis' rule as printed (Eqs 5.10-5.23), and the station's with a soft outlier gate.
 
 Both look at the degree of matching C_A / C_T between the innovations seen and the innovations expected.
 """
@@ -124,17 +124,17 @@ class Memory(NamedTuple):
     """
 
     learned: Number
-    """R of the long window: excess / weight within the limits."""
+    """R of the long window, m^2 or rad^2: excess / weight within the limits."""
     weight: Number
-    """Of the long window: sum of g."""
+    """Sum of g over the long window, in samples."""
     excess: Number
-    """Sum of g (innovation squared - prior variance)."""
+    """Sum of g (innovation squared - prior variance) over the long window, m^2 or rad^2."""
     short_weight: Number = 0.0
-    """Of the short window: sum of g."""
+    """Sum of g over the short window, in samples."""
     short_square: Number = 0.0
-    """Sum of g innovation squared."""
+    """Sum of g innovation squared over the short window, m^2 or rad^2."""
     short_prior: Number = 0.0
-    """Sum of g prior variance."""
+    """Sum of g prior variance over the short window, m^2 or rad^2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,16 +150,19 @@ class FuzzyNoise(BeforeUpdate):
     that a jump of the GPS neither moves the boat nor is remembered for long.
 
     R stays within [floor, ceiling] R0. Of a fast channel several samples weigh as one, so that the long window covers
-    at least 20 s. What was done before R was known is cured by the filter, see `opening`.
+    at least 20 s. What was done before R was known is cured by the filter, see `navigation.restart`.
     """
 
     long: float = 60.0
+    """Memory of the long window, samples."""
     short: float = 8.0
+    """Memory of the short window, samples."""
     pseudo_samples: float = 3.0
+    """Samples that R0 counts for."""
     full: float = 2.5
     """The set "equal" is full up to here, in widths sqrt(2 / n) of log DoM, ..."""
     empty: float = 3.5
-    """... and empty from here on."""
+    """... and empty from here on, in the same widths."""
     floor: float = 0.25
     """R0 may be four times too large. Not more: successive errors that are alike make small innovations, which would be
     taken for precision."""
@@ -229,4 +232,4 @@ FUZZY_THESIS: Final = ThesisFuzzyNoise(window=30, floor=1e-3, ceiling=1e4)
 """As in the thesis, which gives no window: 30; R(k) on the right of Eq. 5.11 read as R(k-1), clipped."""
 
 FUZZY: Final = FuzzyNoise()
-"""Ours. Each number may be 30 % off without harm."""
+"""The station's rule. Each number may be 30 % off without harm."""

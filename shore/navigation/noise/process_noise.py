@@ -1,4 +1,4 @@
-"""A fuzzy rule for the process noise beside one for R (the future work of the paper's section 6).
+"""Fuzzy adaptation of the process noise Q beside that of R (the future work of the paper's section 6).
 
 A wrong R and a wrong Q both make the innovations larger or smaller than expected, so their size cannot tell one from
 the other. Their order can. With a Q that is too small the filter trusts the IMU too much and lags, and its innovations
@@ -31,35 +31,37 @@ class FuzzyDrive:
     """
 
     r_rule: NoiseRule
+    """The rule for R."""
     large_from: float
-    """Standard deviations of c where *large* begins, ..."""
+    """Where *large* begins, in standard deviations of c, ..."""
     large_at: float
-    """... and where it is full."""
+    """... and where it is full, in the same."""
     rise: float
     """Growth of log drive within one memory while *large* is full."""
     fall: float
     """Part of log drive that is lost within one memory while it is empty."""
     most: float
+    """Largest drive, a factor."""
     largest_step: float
-    """Of log drive in one update: without an IMU, K is near 1."""
+    """Largest change of log drive in one update: without an IMU, K is near 1."""
 
     @property
     def reviews(self) -> bool:
-        """When the rule for R does."""
+        """True when the rule for R reviews."""
         return self.r_rule.reviews
 
     @property
     def drives(self) -> bool:
-        """Always."""
+        """True: it sets `ChannelNoise.drive`."""
         return True
 
     @property
     def filters_again(self) -> bool:
-        """When the rule for R does."""
+        """True when the rule for R asks for it."""
         return self.r_rule.filters_again
 
     def held(self, channel: Channel, noise: ChannelNoise) -> ChannelNoise:
-        """What the rule for R holds; the drive begins anew, for what it saw was the lag of a wrong R."""
+        """What the rule for R holds; the drive begins again at 1, for what it saw was the lag of a wrong R."""
         return self.r_rule.held(channel, noise)._replace(drive=1.0, lag=())
 
     def adapt(self, channel: Channel, noise: ChannelNoise, innovation: Number, prior_variance: Number) -> ChannelNoise:

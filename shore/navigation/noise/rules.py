@@ -1,4 +1,4 @@
-"""The rules for the noise by name."""
+"""Noise adaptation rules by name."""
 
 from collections.abc import Mapping
 from typing import Final

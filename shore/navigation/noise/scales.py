@@ -1,4 +1,4 @@
-"""A bank of hypotheses about R for each channel: multiples of R0, of which one is true and now and then another.
+"""Interacting multiple models of R: hypotheses R0 x scale for each channel, one of which is true, now and then another.
 
 An interacting multiple model (IMM) in its cheapest form, the generalised pseudo-Bayesian filter of first order (GPB1;
 Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 11.6): the
@@ -36,7 +36,7 @@ class ScaleBank(BeforeUpdate):
     near_per_s: float
     """Probability per second that R moves to one of the two neighbours."""
     far_per_s: float
-    """Probability per second that R is drawn anew from all of them: a sensor fails within one step."""
+    """Probability per second that R is drawn again from all of them: a sensor fails within one step."""
 
     def scales(self) -> Array:
         """R_j / R0, shape (J,), rising."""
