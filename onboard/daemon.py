@@ -13,7 +13,7 @@ from typing import Any, Final
 import zmq
 
 from common.clock import BoatClock, machine_clock_id
-from common.events import event, line_of
+from common.events import line_of
 from common.framer import Identity
 from common.keys import fingerprint
 from common.messages import Event, Frame
@@ -24,6 +24,7 @@ from onboard.alive import AliveMark
 from onboard.control.commands import Commands
 from onboard.control.key_requests import KeyRequests
 from onboard.control.socket import Control, has_terminal
+from onboard.journal import Journal
 from onboard.link.access import Access, Zap
 from onboard.link.pairing_port import PairingPort
 from onboard.link.router import Router
@@ -102,11 +103,11 @@ class Daemon:
         identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), start_no)
         self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
         self.acquisition = Acquisition(config, identity, self._next_tick_ns - self.period_ns, now_ns, _log_event)
-        self.happened = self.acquisition.happened
+        self._journal = Journal(self.acquisition.happened, clock.now_ns)
         self.ports = [self._port(chain) for chain in self.acquisition.chains]
         spool_dir = None if state_dir is None else state_dir / "spool"
         about = {"config": as_dict(config), "versions": versions()}
-        self.spool = Spool(spool_dir, identity, config.spool, self.happened, clock.now_ns, about=about)
+        self.spool = Spool(spool_dir, identity, config.spool, self._journal, about=about)
         self._access = access
         self._runtime_dir = runtime_dir
         reopen = {
@@ -114,7 +115,7 @@ class Daemon:
             for chain, port in zip(self.acquisition.chains, self.ports, strict=True)
             for sensor in (monitor.table for monitor in chain.monitors)
         }
-        self._commands = Commands(self._status, reopen, self.happened, clock.now_ns)
+        self._commands = Commands(self._status, reopen, self._journal)
         self._context = zmq.Context()
         self._zap = None if access is None else Zap(self._context, access, self._stranger)
         self.server = Server(
@@ -122,8 +123,7 @@ class Daemon:
             self.spool,
             connected=self._connected,
             frame_period_ns=self.period_ns,
-            tell=self.happened,
-            now_ns=clock.now_ns,
+            journal=self._journal,
             rights=self._rights,
             command=self._asked_by_link,
             limits=Limits(config.link.max_clients, config.link.fill_kb_per_s * 1000),
@@ -153,17 +153,17 @@ class Daemon:
         endpoint = self.server.bind(bind)
         self._keys = self._key_requests(endpoint)
         requests = {**self._commands.handlers(), **(self._keys.handlers() if self._keys is not None else {})}
-        control = Control(self._runtime_dir, requests, self.happened, self.clock.now_ns)
+        control = Control(self._runtime_dir, requests, self._journal)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         loop.add_signal_handler(signal.SIGHUP, self._hung_up)
-        self.happened(event("daemon-started", self.clock.now_ns(), "daemon", sensors=len(self.config.sensor)))
+        self._journal.tell("daemon-started", sensors=len(self.config.sensor))
         if self._access is None:
-            self.happened(event("link-open", self.clock.now_ns(), "link", bind=endpoint))
+            self._journal.child("link").tell("link-open", bind=endpoint)
         self._tell_gap()
         if self._state_fault is not None:
-            self.happened(event("state-unusable", self.clock.now_ns(), "daemon", reason=self._state_fault))
+            self._journal.tell("state-unusable", reason=self._state_fault)
         workers += [asyncio.create_task(port.run()) for port in self.ports]
         for work in (self.server.run(), control.run(), self._tick_for_ever()):
             workers.append(asyncio.create_task(work))
@@ -200,14 +200,13 @@ class Daemon:
         gap = self._mark.former(first_ns)
         if gap is not None:
             gap_s = round(gap.gap_ns / NS_PER_S, 1)
-            now_ns = self.clock.now_ns()
-            self.happened(event("daemon-resumed", now_ns, "daemon", gap_s=gap_s, former_boot_id=gap.boot_id))
+            self._journal.tell("daemon-resumed", gap_s=gap_s, former_boot_id=gap.boot_id)
 
     async def _finish(self) -> None:
         """The last, shorter frame and `end` to every client."""
         self._notifier.stopping()
         now_ns = self.clock.now_ns()
-        self.happened(event("daemon-stopping", now_ns, "daemon", reason=self._stop_reason or "error"))
+        self._journal.tell_at(now_ns, "daemon-stopping", reason=self._stop_reason or "error")
         for chain in self.acquisition.chains:
             chain.flush(now_ns + NS_PER_S)
         self.server.publish(self.acquisition.frame(max(now_ns, self.acquisition.framer.t0_ns) + NS_PER_US))
@@ -233,7 +232,7 @@ class Daemon:
             if now_ns - self._next_tick_ns > CATCH_UP_NS:
                 missed = (now_ns - self._next_tick_ns) // self.period_ns
                 self._next_tick_ns += missed * self.period_ns
-                self.happened(event("ticks-missed", now_ns, "daemon", count=missed))
+                self._journal.tell_at(now_ns, "ticks-missed", count=missed)
             for chain, port in zip(self.acquisition.chains, self.ports, strict=True):
                 chain.flush(now_ns)
                 if chain.silent(now_ns):
@@ -257,8 +256,8 @@ class Daemon:
         """What may be asked about keys; None on an open link, which has none."""
         if self._access is None:
             return None
-        port = PairingPort(self._access, self.config.boat.id, endpoint, self.happened, self.clock.now_ns)
-        keys = KeyRequests(self._access, port, self.happened, self.clock.now_ns, self.server.reload)
+        port = PairingPort(self._access, self.config.boat.id, endpoint, self._journal)
+        keys = KeyRequests(self._access, port, self._journal, self.server.reload)
         keys.tell_faults()
         return keys
 
@@ -270,7 +269,7 @@ class Daemon:
             self._reloading = asyncio.create_task(self._keys.reload())
 
     def _stranger(self, key: str) -> None:
-        self.happened(event("station-refused", self.clock.now_ns(), "link", fingerprint=fingerprint(key)))
+        self._journal.child("link").tell("station-refused", fingerprint=fingerprint(key))
 
     def _reopen(self, chain: PortChain, port: Port) -> None:
         chain.reopening(self.clock.now_ns())
