@@ -30,7 +30,8 @@ from onboard.link.pairing_port import PairingPort
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
 from onboard.notify import Notifier
-from onboard.reading.acquisition import Acquisition, PortChain, versions
+from onboard.reading.acquisition import Acquisition, versions
+from onboard.reading.port_chain import PortChain
 from onboard.reading.ports import Port
 from onboard.spool import Spool
 
@@ -111,9 +112,9 @@ class Daemon:
         self._access = access
         self._runtime_dir = runtime_dir
         reopen = {
-            sensor.id: partial(self._reopen, chain, port)
+            sensor: partial(self._reopen, chain, port)
             for chain, port in zip(self.acquisition.chains, self.ports, strict=True)
-            for sensor in (monitor.table for monitor in chain.monitors)
+            for sensor in chain.monitors
         }
         self._commands = Commands(self._status, reopen, self._journal)
         self._context = zmq.Context()

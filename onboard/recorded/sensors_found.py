@@ -9,7 +9,7 @@ from typing import Final
 from common.sensors import ROLES, SensorTable
 from common.units import NS_PER_S
 from onboard.devices import MODELS, Accepted, Line, PortDecoder, make_driver
-from onboard.reading.acquisition import COMPANIONS
+from onboard.reading.port_chain import COMPANIONS
 from onboard.recorded.recording import Paced
 from onboard.recorded.sentence_time import BITS_PER_BYTE
 
