@@ -13,19 +13,17 @@ from typing import Final, Protocol
 
 from common.events import event
 from common.framer import Measurement
-from common.messages import ClockPair, Event, RawLine
+from common.messages import Event
 from common.sensors import PortTable
 from common.units import NS_PER_S
 from onboard.devices import PortDecoder, make_driver, recognised
-from onboard.devices.base import Accepted, Ignored, Outcome, Rejected
+from onboard.devices.base import COMPANIONS, Accepted, Ignored, Outcome, Rejected
 from onboard.devices.sentence import address
 from onboard.reading.budget import ByteBudget
 from onboard.reading.health import SensorMonitor
 from onboard.reading.line_quality import DamageWatch, Wire
 from onboard.reading.lines import LineSplitter
 
-COMPANIONS: Final = (RawLine, ClockPair)
-"""What comes along with a measurement and is none itself: not counted in a sensor's rate."""
 DAMAGE: Final = frozenset(
     {"checksum", "not-ascii", "not-nmea", "no-checksum", "run-together", "too-long", "marks", "duplicate", "form"}
 )
@@ -150,15 +148,15 @@ class PortChain:
 
     def _whose_lines(self, monitor: SensorMonitor) -> str | None:
         """A sensor came back as another model, or the plugs were swapped: say so."""
-        model = recognised(self.decoder.unclaimed)
-        if model is None:
+        found = recognised(self.decoder.unclaimed)
+        if found is None:
             return None
         table = monitor.table
-        if model == f"{table.role} {table.model}":
-            found = {address(line.data) for line in self.decoder.unclaimed}
-            talkers = ", ".join(sorted({where[0] for where in found if where is not None})[:4])
+        if found == (table.role, table.model):
+            addresses = {address(line.data) for line in self.decoder.unclaimed}
+            talkers = ", ".join(sorted({where[0] for where in addresses if where is not None})[:4])
             return f"its lines come from talker {talkers}; configured: {', '.join(table.talkers) or 'all'}"
-        return f"lines like those of {model} come; configured: {table.role} {table.model}"
+        return f"lines like those of {' '.join(found)} come; configured: {table.role} {table.model}"
 
     def _dispose(self, outcome: Outcome, t_ns: int) -> None:
         self.tally.count(outcome)
