@@ -17,9 +17,10 @@ from common.command import number
 from common.errors import WayfixError
 from common.units import NS_PER_MS
 from onboard.virtual.boat import LEAD_NS, VirtualBoat
+from onboard.virtual.config_file import config_text, is_ours
 from onboard.virtual.console import Console
+from onboard.virtual.sent_file import SentFile
 from onboard.virtual.source import Source
-from onboard.virtual.written import WRITTEN_BY, SentFile, config_text
 
 LINGER_S = 0.2
 """Before ports are closed at the end: hanging up throws away what the reader has not fetched yet."""
@@ -162,8 +163,7 @@ def _directory(wanted: Path | None) -> Path:
 def _refuse_foreign(paths: Iterable[Path]) -> None:
     """Nothing of somebody else's is overwritten; what an earlier virtual boat left is."""
     for path in paths:
-        is_ours = path.is_symlink() or (path.is_file() and path.read_bytes().startswith(WRITTEN_BY.encode()))
-        if path.exists() and not is_ours:
+        if path.exists() and not (path.is_symlink() or is_ours(path)):
             raise WayfixError("exists already and is not a virtual boat's", str(path), "give another --dir")
 
 
