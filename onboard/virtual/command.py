@@ -26,8 +26,9 @@ LINGER_S = 0.2
 """Before ports are closed at the end: hanging up throws away what the reader has not fetched yet."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command."""
+def add_arguments(commands: Any) -> None:
+    """The sub-parser."""
+    parser = commands.add_parser("virtual", help="a virtual boat on pseudo-terminals", description=_virtual.__doc__)
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--scenario", metavar="NAME", help="simulated scenario, see --list (default 5.3)")
     source.add_argument("--recording", metavar="CSV", type=Path, help="play a column recording; needs --map")
@@ -68,10 +69,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hold", action="store_true", help="when ready, wait for a line on stdin")
     parser.add_argument("--until-stdin-closes", action="store_true", help="stop when stdin ends")
     parser.add_argument("--exit-at-end", action="store_true", help="do not keep the ports open after the last byte")
+    parser.set_defaults(command=_virtual)
 
 
-def run(args: argparse.Namespace) -> int:
-    """Play to the end, or until told to stop; 0 = done. Raises WayfixError for wrong input."""
+def _virtual(args: argparse.Namespace) -> int:
+    """Play a scenario or a recording on pseudo-terminals that behave like the real devices."""
     if args.list:
         return _list()
     for option, value in (("--clock-rate", args.clock_rate), ("--seconds", args.seconds)):
