@@ -24,6 +24,7 @@ from common.framer import Identity
 from common.messages import Event, Fix, Frame, RawLine
 from common.sensors import SpoolTable
 from common.units import NS_PER_S
+from onboard.journal import Journal
 from onboard.link.access import Access, Zap
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
@@ -65,14 +66,14 @@ class Board:
         self.access = Access(directory) if keys else None
         self.zap = None if self.access is None else Zap(self.context, self.access)
         identity = Identity("b", BOOT, "c", 1)
-        self.spool = Spool(directory / "spool", identity, SpoolTable(min_free_mib=0), self.events.append, boottime_ns)
+        journal = Journal(self.events.append, boottime_ns)
+        self.spool = Spool(directory / "spool", identity, SpoolTable(min_free_mib=0), journal)
         self.server = Server(
             Router(self.context, None if self.access is None else self.access.secret_key),
             self.spool,
             connected=lambda: {"boot_id": BOOT, "next_seq": self.seq, "config": {}},
             frame_period_ns=self.period_ns,
-            tell=self.events.append,
-            now_ns=boottime_ns,
+            journal=journal,
             rights=lambda key: frozenset({"read"}) if self.access is None else self.access.rights_of(key),
             limits=Limits(clients=128),
         )

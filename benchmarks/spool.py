@@ -14,6 +14,7 @@ from typing import Any
 
 from common.framer import Identity
 from common.sensors import SpoolTable
+from onboard.journal import Journal
 from onboard.spool import Spool
 
 FRAME_BYTES = 1235
@@ -31,7 +32,7 @@ def written_bytes() -> int:
 
 def spool_at(directory: Path, start_no: int, table: SpoolTable = MANUAL) -> Spool:
     identity = Identity("springer", f"{start_no:016x}", "c" * 32, start_no)
-    return Spool(directory, identity, table, lambda _: None, lambda: 0)
+    return Spool(directory, identity, table, Journal(lambda _: None, lambda: 0))
 
 
 def wait_for(spool: Spool, seq: int) -> None:

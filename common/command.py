@@ -4,9 +4,11 @@ Exit 0 = done (also after Ctrl-C), 1 = ran and the answer is no, 2 = wrong input
 """
 
 import argparse
+import json
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, TypeVar
@@ -55,6 +57,13 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
+def say_json(**fields: Any) -> None:
+    """One JSON object as a line of stdout, at once; a reader that is gone by now is no fault."""
+    with suppress(BrokenPipeError):
+        sys.stdout.write(json.dumps(fields) + "\n")
+        sys.stdout.flush()
 
 
 def flat(told: Any, name: str = "") -> Iterator[tuple[str, Any]]:

@@ -6,16 +6,14 @@ import os
 import secrets
 import signal
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import zmq
 
 from common.clock import BoatClock, machine_clock_id
-from common.events import event, line_of
+from common.events import line_of
 from common.framer import Identity
-from common.keys import fingerprint
 from common.messages import Event, Frame
 from common.sensors import BoatConfig
 from common.settings import as_dict
@@ -24,13 +22,15 @@ from onboard.alive import AliveMark
 from onboard.control.commands import Commands
 from onboard.control.key_requests import KeyRequests
 from onboard.control.socket import Control, has_terminal
-from onboard.link.access import Access, Zap
+from onboard.journal import Journal
+from onboard.link.access import Access
+from onboard.link.guard import Guard
 from onboard.link.pairing_port import PairingPort
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
 from onboard.notify import Notifier
-from onboard.reading.acquisition import Acquisition, PortChain, versions
-from onboard.reading.ports import Port
+from onboard.reading.acquisition import Acquisition, versions
+from onboard.reading.polled_port import PolledPort
 from onboard.spool import Spool
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,6 @@ log = logging.getLogger(__name__)
 DRAIN_S: Final = 0.5
 GOODBYE_S: Final = 1.0
 """With the other waits of the end less than TimeoutStopSec= of deploy/wayfix-onboard.service."""
-EVERYTHING: Final = frozenset({"read", "command"})
 CATCH_UP_NS: Final = 60 * NS_PER_S
 """A board that slept longer than this (suspend) leaves a hole in the grid instead of a burst of empty frames."""
 _LOG_LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
@@ -98,36 +97,30 @@ class Daemon:
         self.clock = clock
         self.period_ns = round(NS_PER_S / config.frames.rate_hz)
         now_ns = clock.now_ns()
+        self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
         start_no, self._state_fault = next_start_no(state_dir)
         identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), start_no)
-        self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
         self.acquisition = Acquisition(config, identity, self._next_tick_ns - self.period_ns, now_ns, _log_event)
-        self.happened = self.acquisition.happened
-        self.ports = [self._port(chain) for chain in self.acquisition.chains]
+        self.ports = [PolledPort(chain, clock) for chain in self.acquisition.chains]
+        self._journal = Journal(self.acquisition.happened, clock.now_ns)
         spool_dir = None if state_dir is None else state_dir / "spool"
         about = {"config": as_dict(config), "versions": versions()}
-        self.spool = Spool(spool_dir, identity, config.spool, self.happened, clock.now_ns, about=about)
-        self._access = access
-        self._runtime_dir = runtime_dir
-        reopen = {
-            sensor.id: partial(self._reopen, chain, port)
-            for chain, port in zip(self.acquisition.chains, self.ports, strict=True)
-            for sensor in (monitor.table for monitor in chain.monitors)
-        }
-        self._commands = Commands(self._status, reopen, self.happened, clock.now_ns)
+        self.spool = Spool(spool_dir, identity, config.spool, self._journal, about=about)
+        reopen = {sensor: port.reopen for port in self.ports for sensor in port.chain.monitors}
+        self._commands = Commands(self._status, reopen, self._journal)
         self._context = zmq.Context()
-        self._zap = None if access is None else Zap(self._context, access, self._stranger)
+        self._guard = Guard(self._context, access, self._journal)
         self.server = Server(
-            Router(self._context, None if access is None else access.secret_key),
+            Router(self._context, self._guard.secret_key),
             self.spool,
             connected=self._connected,
             frame_period_ns=self.period_ns,
-            tell=self.happened,
-            now_ns=clock.now_ns,
-            rights=self._rights,
+            journal=self._journal,
+            rights=self._guard.rights,
             command=self._asked_by_link,
             limits=Limits(config.link.max_clients, config.link.fill_kb_per_s * 1000),
         )
+        self._runtime_dir = runtime_dir
         self._notifier = notifier or Notifier(None)
         # The mark's times are compared with those of the run before: only the real boat clock goes on over a restart.
         self._mark = AliveMark(runtime_dir if clock.rate == 1.0 else None, identity)
@@ -136,9 +129,6 @@ class Daemon:
         self._stop = asyncio.Event()
         self._stop_reason = ""
 
-    def _port(self, chain: PortChain) -> Port:
-        return Port(chain.table, self.clock, chain.chunk, lambda reason: chain.changed(reason, self.clock.now_ns()))
-
     def stop(self, reason: str) -> None:
         """Ask the daemon to end."""
         self._stop_reason = reason
@@ -146,25 +136,21 @@ class Daemon:
 
     async def run(self, bind: str, on_ready: Callable[[dict[str, Any]], None]) -> None:
         """Run until `stop`; on_ready is told where the socket listens once ports are polled. Raises WayfixError."""
-        workers = []
-        if self._zap is not None:
-            workers.append(asyncio.create_task(self._zap.run()))
-            await self._zap.self_test()
+        workers = await self._guard.start()
         endpoint = self.server.bind(bind)
         self._keys = self._key_requests(endpoint)
         requests = {**self._commands.handlers(), **(self._keys.handlers() if self._keys is not None else {})}
-        control = Control(self._runtime_dir, requests, self.happened, self.clock.now_ns)
+        control = Control(self._runtime_dir, requests, self._journal)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         loop.add_signal_handler(signal.SIGHUP, self._hung_up)
-        self.happened(event("daemon-started", self.clock.now_ns(), "daemon", sensors=len(self.config.sensor)))
-        if self._access is None:
-            self.happened(event("link-open", self.clock.now_ns(), "link", bind=endpoint))
+        self._journal.tell("daemon-started", sensors=len(self.config.sensor))
+        self._guard.opened(endpoint)
         self._tell_gap()
         if self._state_fault is not None:
-            self.happened(event("state-unusable", self.clock.now_ns(), "daemon", reason=self._state_fault))
-        workers += [asyncio.create_task(port.run()) for port in self.ports]
+            self._journal.tell("state-unusable", reason=self._state_fault)
+        workers += [asyncio.create_task(polled.port.run()) for polled in self.ports]
         for work in (self.server.run(), control.run(), self._tick_for_ever()):
             workers.append(asyncio.create_task(work))
         self.parts.append(lambda: not any(worker.done() for worker in workers))
@@ -173,11 +159,7 @@ class Daemon:
             tried = asyncio.create_task(self._all_tried(control))
             await asyncio.wait([tried, *workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             if not tried.cancel():
-                identity = self.acquisition.identity
-                key = None if self._access is None else self._access.public_key.decode("ascii")
-                on_ready(
-                    {"bind": endpoint, "boot_id": identity.boot_id, "boat_id": identity.boat_id, "public_key": key}
-                )
+                on_ready(self._ready(endpoint))
                 self._notifier.ready()
             done, _ = await asyncio.wait([*workers, stopping], return_when=asyncio.FIRST_COMPLETED)
             for task in done - {stopping}:
@@ -191,8 +173,12 @@ class Daemon:
 
     async def _all_tried(self, control: Control) -> None:
         await control.tried.wait()
-        for port in self.ports:
-            await port.tried.wait()
+        for polled in self.ports:
+            await polled.port.tried.wait()
+
+    def _ready(self, endpoint: str) -> dict[str, Any]:
+        identity, key = self.acquisition.identity, self._guard.public_key
+        return {"bind": endpoint, "boot_id": identity.boot_id, "boat_id": identity.boat_id, "public_key": key}
 
     def _tell_gap(self) -> None:
         """An event when the former run died: nobody else tells how long there were no frames."""
@@ -200,14 +186,13 @@ class Daemon:
         gap = self._mark.former(first_ns)
         if gap is not None:
             gap_s = round(gap.gap_ns / NS_PER_S, 1)
-            now_ns = self.clock.now_ns()
-            self.happened(event("daemon-resumed", now_ns, "daemon", gap_s=gap_s, former_boot_id=gap.boot_id))
+            self._journal.tell("daemon-resumed", gap_s=gap_s, former_boot_id=gap.boot_id)
 
     async def _finish(self) -> None:
         """The last, shorter frame and `end` to every client."""
         self._notifier.stopping()
         now_ns = self.clock.now_ns()
-        self.happened(event("daemon-stopping", now_ns, "daemon", reason=self._stop_reason or "error"))
+        self._journal.tell_at(now_ns, "daemon-stopping", reason=self._stop_reason or "error")
         for chain in self.acquisition.chains:
             chain.flush(now_ns + NS_PER_S)
         self.server.publish(self.acquisition.frame(max(now_ns, self.acquisition.framer.t0_ns) + NS_PER_US))
@@ -216,8 +201,7 @@ class Daemon:
         await self.server.end_all("the daemon stops", GOODBYE_S)
         serving.cancel()
         self.server.close()
-        if self._zap is not None:
-            self._zap.close()
+        self._guard.close()
         self._context.term()
         await asyncio.to_thread(self.spool.close, DRAIN_S)
         if self._stop.is_set():
@@ -233,11 +217,9 @@ class Daemon:
             if now_ns - self._next_tick_ns > CATCH_UP_NS:
                 missed = (now_ns - self._next_tick_ns) // self.period_ns
                 self._next_tick_ns += missed * self.period_ns
-                self.happened(event("ticks-missed", now_ns, "daemon", count=missed))
-            for chain, port in zip(self.acquisition.chains, self.ports, strict=True):
-                chain.flush(now_ns)
-                if chain.silent(now_ns):
-                    self._reopen(chain, port)
+                self._journal.tell_at(now_ns, "ticks-missed", count=missed)
+            for port in self.ports:
+                port.tick(now_ns)
             frame = self.acquisition.frame(self._next_tick_ns)
             self._next_tick_ns += self.period_ns
             self.server.publish(frame)
@@ -255,10 +237,11 @@ class Daemon:
 
     def _key_requests(self, endpoint: str) -> KeyRequests | None:
         """What may be asked about keys; None on an open link, which has none."""
-        if self._access is None:
+        access = self._guard.access
+        if access is None:
             return None
-        port = PairingPort(self._access, self.config.boat.id, endpoint, self.happened, self.clock.now_ns)
-        keys = KeyRequests(self._access, port, self.happened, self.clock.now_ns, self.server.reload)
+        port = PairingPort(access, self.config.boat.id, endpoint, self._journal)
+        keys = KeyRequests(access, port, self._journal, self.server.reload)
         keys.tell_faults()
         return keys
 
@@ -268,13 +251,6 @@ class Daemon:
             self.stop("SIGHUP")
         else:
             self._reloading = asyncio.create_task(self._keys.reload())
-
-    def _stranger(self, key: str) -> None:
-        self.happened(event("station-refused", self.clock.now_ns(), "link", fingerprint=fingerprint(key)))
-
-    def _reopen(self, chain: PortChain, port: Port) -> None:
-        chain.reopening(self.clock.now_ns())
-        port.reopen()
 
     def _status(self) -> dict[str, Any]:
         """For the command `status`."""
@@ -292,11 +268,7 @@ class Daemon:
         }
 
     async def _asked_by_link(self, name: str, argument: str, key: str) -> str:
-        who = key if self._access is None else self._access.name_for(key)
-        return await self._commands.from_link(name, argument, who)
-
-    def _rights(self, key: str | None) -> frozenset[str] | None:
-        return EVERYTHING if self._access is None else self._access.rights_of(key)
+        return await self._commands.from_link(name, argument, self._guard.name_of(key))
 
     def _connected(self) -> dict[str, Any]:
         return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)

@@ -5,9 +5,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from common.errors import WayfixError
-from common.events import event
-from common.messages import Event
 from onboard.control.socket import Handler, text_of
+from onboard.journal import Journal
 
 MAX_MARK = 200
 
@@ -19,20 +18,18 @@ class Commands:
         self,
         status: Callable[[], dict[str, Any]],
         reopen: Mapping[str, Callable[[], None]],
-        tell: Callable[[Event], None],
-        now_ns: Callable[[], int],
+        journal: Journal,
     ) -> None:
         """Reopen: by sensor, opens its port anew."""
         self._status = status
         self._reopen = reopen
-        self._tell = tell
-        self._now_ns = now_ns
+        self._journal = journal
 
     async def from_link(self, name: str, argument: str, who: str) -> str:
         """A command of a station; returns the answer in words, raises WayfixError."""
         match name:
             case "status":
-                self._tell(event("command-done", self._now_ns(), "link", command=name, client=who))
+                self._journal.child("link").tell("command-done", command=name, client=who)
                 return json.dumps(self._status())
             case "reopen":
                 return self.reopen(argument, who)
@@ -59,12 +56,12 @@ class Commands:
         if sensor not in self._reopen:
             raise WayfixError(f"there is no sensor {sensor[:32]!r}", "", f"use one of {', '.join(self._reopen)}")
         self._reopen[sensor]()
-        self._tell(event("command-done", self._now_ns(), sensor, command=f"reopen {sensor}", client=who))
+        self._journal.child(sensor).tell("command-done", command=f"reopen {sensor}", client=who)
         return f"the port of {sensor} is opened anew"
 
     def mark(self, text: str, who: str) -> str:
         """Put a remark into the frames, and so into every log; raises WayfixError."""
         if not text or not text.isprintable() or len(text) > MAX_MARK:
             raise WayfixError(f"a mark is 1 to {MAX_MARK} printable characters", "", "write it shorter, on one line")
-        self._tell(event("mark", self._now_ns(), "operator", text=text, client=who))
+        self._journal.child("operator").tell("mark", text=text, client=who)
         return "marked"

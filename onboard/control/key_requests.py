@@ -5,10 +5,9 @@ from collections.abc import Callable
 from typing import Any
 
 from common.errors import WayfixError
-from common.events import event
 from common.keys import fingerprint
-from common.messages import Event
 from onboard.control.socket import NAME, Handler, Lasting, text_of
+from onboard.journal import Journal
 from onboard.link.access import Access
 from onboard.link.pairing_port import PairingPort, Request
 
@@ -20,14 +19,12 @@ class KeyRequests:
         self,
         access: Access,
         port: PairingPort,
-        tell: Callable[[Event], None],
-        now_ns: Callable[[], int],
+        journal: Journal,
         changed: Callable[[], None],
     ) -> None:
         self._access = access
         self._port = port
-        self._tell = tell
-        self._now_ns = now_ns
+        self._journal = journal.child("link")
         self._changed = changed
 
     def handlers(self) -> dict[str, Handler | Lasting]:
@@ -46,14 +43,14 @@ class KeyRequests:
         await asyncio.to_thread(self._access.reload)
         self.tell_faults()
         count = len(self._access.entries)
-        self._tell(event("keys-read", self._now_ns(), "link", count=count))
+        self._journal.tell("keys-read", count=count)
         self._changed()
 
     def tell_faults(self) -> None:
         """One event when the list, as it was last read, has faults."""
         if faults := self._access.faults:
             file, count = str(self._access.file), len(faults)
-            self._tell(event("keys-damaged", self._now_ns(), "link", file=file, count=count, first=faults[0]))
+            self._journal.tell("keys-damaged", file=file, count=count, first=faults[0])
 
     async def _pair(self, fields: dict[str, Any]) -> dict[str, Any]:
         port, name, command = fields.get("port"), fields.get("name"), fields.get("command", False)
@@ -95,7 +92,7 @@ class KeyRequests:
         finally:
             self._changed()
         if found:
-            self._tell(event("key-revoked", self._now_ns(), "link", name=name))
+            self._journal.tell("key-revoked", name=name)
         return {"revoked": found}
 
     async def _reload(self, _fields: dict[str, Any]) -> dict[str, Any]:

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from common.errors import WayfixError
-from common.events import event
-from common.messages import Event
+from onboard.journal import Journal
 
 log = logging.getLogger(__name__)
 
@@ -55,14 +54,12 @@ class Control:
         self,
         directory: Path | None,
         handlers: Mapping[str, Handler | Lasting],
-        tell: Callable[[Event], None],
-        now_ns: Callable[[], int],
+        journal: Journal,
     ) -> None:
-        """Directory None = no socket. now_ns reads the boat clock."""
+        """Directory None = no socket."""
         self._file = None if directory is None else directory / NAME
         self._handlers = handlers
-        self._tell = tell
-        self._now_ns = now_ns
+        self._journal = journal
         self._connections: set[asyncio.Task[None]] = set()
         self.tried = asyncio.Event()
         """Set once the socket answers, or cannot."""
@@ -89,7 +86,7 @@ class Control:
             return await asyncio.start_unix_server(self._serve, sock=listener, limit=REQUEST_BYTES)
         except OSError as error:
             reason = f"{self._file}: {error.strerror or error}"
-            self._tell(event("control-unusable", self._now_ns(), "daemon", reason=reason))
+            self._journal.tell("control-unusable", reason=reason)
             return None
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -6,7 +6,8 @@ opens anything.
 
 from onboard.devices.base import Accepted, Driver, Ignored, Line, Outcome, Rejected
 from onboard.devices.port_decoder import PortDecoder
-from onboard.devices.registry import MODELS, make_driver, recognised
+from onboard.devices.recognise import recognised
+from onboard.devices.registry import MODELS, make_driver
 
 __all__ = [
     "MODELS",

@@ -4,9 +4,13 @@ A driver is pure: it takes a line and its time, returns values, reads no clock, 
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from common.framer import Measurement
+from common.messages import ClockPair, RawLine
+
+COMPANIONS: Final = (RawLine, ClockPair)
+"""What comes along with a measurement and is none itself: not counted in a sensor's rate."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,11 @@
 """Driver registry: which driver serves a sensor, one table by role and model."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Final
 
 from common.errors import WayfixError
 from common.sensors import SensorTable
-from onboard.devices.base import Accepted, Driver, Line
+from onboard.devices.base import Driver
 from onboard.devices.compass.driver import CompassDriver, hmr3000, hsc100
 from onboard.devices.compass.kvh import KvhDriver
 from onboard.devices.compass.tcm2 import Tcm2Driver
@@ -43,17 +43,3 @@ def make_driver(table: SensorTable) -> Driver:
         where=f"[[sensor]] {table.id}.model",
         cure=f"known: {', '.join(models)}",
     )
-
-
-def recognised(lines: Iterable[Line]) -> str | None:
-    """Role and model whose driver accepts most of these lines (the first in `MODELS` of equals); None = nobody's."""
-    lines = tuple(lines)
-    counts = {key: _accepted_by(key, lines) for key in MODELS}
-    best = max(counts, key=lambda key: counts[key])
-    return " ".join(best) if counts[best] else None
-
-
-def _accepted_by(key: tuple[str, str], lines: tuple[Line, ...]) -> int:
-    role, model = key
-    driver = MODELS[key](SensorTable(id=f"{role}1", port="", role=role, model=model))
-    return sum(driver.claims(line) and isinstance(driver.feed(line), Accepted) for line in lines)

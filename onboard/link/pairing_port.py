@@ -14,10 +14,9 @@ from typing import Final
 from common import pairing
 from common.clock import boottime_ns
 from common.errors import LinkError, WayfixError
-from common.events import event
 from common.key_list import name_fault
 from common.keys import fingerprint, key_text, raw_key
-from common.messages import Event
+from onboard.journal import Journal
 from onboard.link.access import COMMAND, READ, Access
 
 MESSAGE_S: Final = 10.0
@@ -73,15 +72,12 @@ class _Pairing:
 class PairingPort:
     """At most one pairing at a time; a new one burns the code of the one before."""
 
-    def __init__(
-        self, access: Access, boat_id: str, endpoint: str, tell: Callable[[Event], None], now_ns: Callable[[], int]
-    ) -> None:
-        """Endpoint: where the link listens, in full; tell takes events, now_ns reads the boat clock."""
+    def __init__(self, access: Access, boat_id: str, endpoint: str, journal: Journal) -> None:
+        """Endpoint: where the link listens, in full."""
         self._access = access
         self._boat_id = boat_id
         self._endpoint = endpoint
-        self._tell = tell
-        self._now_ns = now_ns
+        self._journal = journal.child("link")
         self._newest: _Pairing | None = None
 
     async def open(self, request: Request) -> Opened:
@@ -105,7 +101,7 @@ class PairingPort:
             raise
         expiry = loop.call_later(pairing.OPEN_S, self._end, newest, False, f"its {pairing.OPEN_S} s are over")
         newest.ends.append(expiry.cancel)
-        self._tell(event("pairing-open", self._now_ns(), "link", port=port, seconds=pairing.OPEN_S))
+        self._journal.tell("pairing-open", port=port, seconds=pairing.OPEN_S)
         return Opened(code, port)
 
     async def outcome(self) -> tuple[bool, str]:
@@ -146,7 +142,7 @@ class PairingPort:
         if one.exchange is not None and one.exchange is not asyncio.current_task():
             one.exchange.cancel()
         if not paired:
-            self._tell(event("pairing-failed", self._now_ns(), "link", reason=text))
+            self._journal.tell("pairing-failed", reason=text)
 
     async def _client(self, one: _Pairing, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """The first client has the exchange, and whatever goes wrong in it ends it; so does a second client."""
@@ -183,7 +179,7 @@ class PairingPort:
         name = one.request.name or self._access.name_for(key)
         await asyncio.to_thread(self._access.add, key, name, rights)
         shown = {"name": name, "fingerprint": fingerprint(key), "rights": ",".join(sorted(rights, reverse=True))}
-        self._tell(event("pairing-done", self._now_ns(), "link", **shown))
+        self._journal.tell("pairing-done", **shown)
         with suppress(OSError):  # a station that is gone by now can be paired again
             writer.write(pairing.framed(proof))
             await asyncio.wait_for(writer.drain(), MESSAGE_S)

@@ -18,10 +18,10 @@ from common import session
 from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.errors import CodecError, WayfixError
-from common.events import event
 from common.keys import fingerprint
-from common.messages import SCHEMA_VERSION, Event, Frame
+from common.messages import SCHEMA_VERSION, Frame
 from common.units import NS_PER_S
+from onboard.journal import Journal
 from onboard.link.backfill import Filling
 from onboard.link.router import Router
 from onboard.link.sessions import MAX_GONE, Pace, Session, gone_of
@@ -66,8 +66,7 @@ class Server:
         *,
         connected: Callable[[], dict[str, Any]],
         frame_period_ns: int,
-        tell: Callable[[Event], None],
-        now_ns: Callable[[], int],
+        journal: Journal,
         rights: Rights = lambda _key: frozenset({"read", "command"}),
         command: Command | None = None,
         limits: Limits = Limits(),
@@ -75,8 +74,7 @@ class Server:
         self._router = router
         self._store = store
         self._connected = connected
-        self._tell = tell
-        self._now_ns = now_ns
+        self._journal = journal
         self._rights = rights
         self._command = command
         self._limits = limits
@@ -113,7 +111,7 @@ class Server:
         try:
             data = encode_frame(frame)
         except CodecError as error:
-            self._tell(event("frame-failed", self._now_ns(), "daemon", seq=frame.seq, reason=error.what[:200]))
+            self._journal.tell("frame-failed", seq=frame.seq, reason=error.what[:200])
             return
         self._store.append(frame.seq, data)
         self._header = session.pack("frame", boot_id=frame.boot_id, seq=frame.seq)
@@ -282,7 +280,7 @@ class Server:
 
     def _tell_news(self, code: str, **evidence: str) -> None:
         if self._news.allows(boottime_ns()):
-            self._tell(event(code, self._now_ns(), "link", **evidence))
+            self._journal.child("link").tell(code, **evidence)
 
     def _start_command(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
         request = {"id": session.command_id(message)}

@@ -1,68 +1,52 @@
-"""Health of each sensor from its line counts and the state of its port: delivering, silent or missing.
+"""Health monitoring of each sensor: counts of its lines and the state of its port become reports and events. Pure.
 
-Pure: told of every outcome and of every port change, asked at each tick.
+A monitor is given every outcome and every change of the port, and is asked at each tick.
 
-Three limits on silence. The state turns `silent` at stale-after, which follows the configured rate. The event waits for
-five learned periods too, so that a sensor slower than its configuration is no line of the log for each sample. The
-port is opened anew at the same limit, then after ever longer pauses: opening resets an Arduino, which needs seconds
-to boot and would never come up.
+    lines, port --> Delivery (state machine: what is news) --> words --> SensorHealth, Event
+                      |
+                      `--> ReopenPauses (when the silent port is opened once more)
 """
 
-from collections import Counter, deque
+from collections import Counter
 from typing import Final
 
 from common.events import event
 from common.messages import Event, SensorHealth
 from common.sensors import ROLES, SensorTable, stale_after_s
 from common.units import NS_PER_S
+from onboard.reading import words
+from onboard.reading.delivery import PERIODS, SHOWN, Delivery, State
 from onboard.reading.line_quality import Wire
+from onboard.reading.reopen_pauses import ReopenPauses
+from onboard.reading.rhythm import BEAT_NS, REPORT_NS, Rate
 
-REPORT_NS: Final = NS_PER_S
-RATE_WINDOW_REPORTS: Final = 5
-QUIET_NS: Final = 30 * NS_PER_S
-"""After this an event sensor's reason says for how long it has been quiet."""
-SHORTEST_SILENT_BYTES: Final = 512
-"""Fewer bytes without a line end may be the beginning of a line."""
 HINT_NS: Final = 10 * NS_PER_S
-LONGEST_REOPEN_PAUSE_NS: Final = 60 * NS_PER_S
 MAX_REASON: Final = 256
 
-_BEAT_NS: Final = 3 * NS_PER_S // 5
-"""Lines closer together than this are one beat: five of them are within the least limit of 3 s."""
-_BEATS: Final = 8
-_LONGEST_PERIOD_NS: Final = 60 * NS_PER_S
-"""A longer gap is an outage, nobody's period, unless the configuration says so."""
 
+class SinceGood:
+    """What a port has brought since a sensor's last good line, or since it was opened."""
 
-class Rhythm:
-    """Learns the period of lines that come in bursts: the mean distance of the last beats."""
+    def __init__(self, wire: Wire, rejected: Counter[str]) -> None:
+        self._wire = wire
+        self._rejected = rejected
+        self._size = self._readable = 0
+        self._rejected_then: Counter[str] = Counter()
 
-    def __init__(self, longest_ns: int) -> None:
-        self._longest_ns = max(longest_ns, _LONGEST_PERIOD_NS)
-        self._beats: deque[int] = deque(maxlen=_BEATS + 1)
-        self._last_ns: int | None = None
-
-    def line(self, t_ns: int) -> None:
-        """A good line came."""
-        last_ns = self._last_ns
-        if last_ns is not None and 0 <= t_ns - last_ns < _BEAT_NS:
-            return
-        if last_ns is not None and not 0 <= t_ns - last_ns <= self._longest_ns:
-            self._beats.clear()
-        self._beats.append(t_ns)
-        self._last_ns = t_ns
-
-    def forget(self) -> None:
-        """The port was lost: what comes back may be another device."""
-        self._beats.clear()
-        self._last_ns = None
+    def restart(self) -> None:
+        """Count from here on."""
+        self._size, self._readable = self._wire.heard_bytes, self._wire.readable
+        self._rejected_then = self._rejected.copy()
 
     @property
-    def period_ns(self) -> int | None:
-        """Mean distance of the beats; `None` before the second."""
-        if len(self._beats) < 2:
-            return None
-        return (self._beats[-1] - self._beats[0]) // (len(self._beats) - 1)
+    def size(self) -> int:
+        """Bytes."""
+        return self._wire.heard_bytes - self._size
+
+    def instead(self, hint: str | None) -> words.Instead:
+        """All of it, for a sentence; hint: whose lines they are, in words."""
+        readable = self._wire.readable - self._readable
+        return words.Instead(self.size, readable, self._rejected - self._rejected_then, self._wire.flooded, hint)
 
 
 class SensorMonitor:
@@ -77,34 +61,28 @@ class SensorMonitor:
         self.hint: str | None = None
         """Whose lines come instead of this sensor's, in words (`PortChain`)."""
         self.periodic = ROLES[table.role].periodic
-        self._stale_ns = int(min(stale_after_s(table.role, table.rate_hz), 1e9) * NS_PER_S)
-        self._rhythm = Rhythm(self._stale_ns)
-        self._measured = 0
-        self._marks = deque([(started_ns, 0)], maxlen=RATE_WINDOW_REPORTS + 1)
-        """(time, measurements until then) of the last reports."""
-        self._last_good_ns: int | None = None
-        self._good_seen = 0
-        self._heard_then = self._readable_then = 0
-        self._rejected_then: Counter[str] = Counter()
-        self._silence_told = self._delivery_told = False
-        self._since_ns = self._opened_ns = started_ns
-        """From when silence is counted: start or the port's last opening."""
-        self._reopened = 0
+        stale_ns = int(min(stale_after_s(table.role, table.rate_hz), 1e9) * NS_PER_S)
+        self._delivery = Delivery(self.periodic, stale_ns, started_ns)
+        self._pauses = ReopenPauses(started_ns)
+        self._since_good = SinceGood(self.wire, self.rejected)
+        self._rate = Rate(started_ns)
+        self._accepted_then = 0
+        """Good lines until the last report."""
         self._hint_ns = started_ns
-        self._port_reason: str | None = "not opened yet"
-        self._state: str | None = None
+        self._port_reason = "not opened yet"
+        self._shown: str | None = None
+        """As reported last."""
         self._reported_ns = 0
 
     def accept(self, t_ns: int, measured: bool) -> None:
         """A good line at `t_ns`; measured = it completed a measurement (a fix, a sample, a heading)."""
         self.accepted += 1
-        self._measured += measured
-        self._last_good_ns = t_ns
-        self._rhythm.line(t_ns)
+        self._rate.count(int(measured))
+        self._delivery.good(t_ns)
 
     def measured(self) -> None:
         """A measurement became due without a line of its own (end of a GPS epoch)."""
-        self._measured += 1
+        self._rate.count()
 
     def reject(self, reason: str) -> None:
         """A bad line of this sensor."""
@@ -113,144 +91,101 @@ class SensorMonitor:
     def port_changed(self, reason: str | None, t_ns: int) -> None:
         """The port opened (None) or was lost."""
         if reason is None:
-            self._opened_ns = t_ns
-            self._count_from_here()
+            self._delivery.opened(t_ns)
+            self._since_good.restart()
         else:
-            self._rhythm.forget()
-            self._silence_told = self._delivery_told = False
-        self.hint, self._reopened, self._hint_ns = None, 0, t_ns
-        self._port_reason = reason
-        self._since_ns = t_ns
+            self._delivery.lost()
+            self._port_reason = reason
+        self._pauses.restart(t_ns)
+        self.hint, self._hint_ns = None, t_ns
 
     def reopening(self, t_ns: int) -> None:
         """The open port is being closed and opened because of the silence, which goes on."""
-        self._reopened += 1
-        self._since_ns = t_ns
+        self._pauses.attempted(t_ns)
 
     def state(self, now_ns: int) -> tuple[str, str | None]:
         """State (delivering, silent or missing) and its reason, in words of at most 256 characters."""
-        state, reason = self._judged(now_ns)
-        return state, None if reason is None else reason[:MAX_REASON]
-
-    def _judged(self, now_ns: int) -> tuple[str, str | None]:
-        if self._port_reason is not None:
-            return "missing", self._port_reason
-        if not self.periodic:
-            return "delivering", self._quiet(now_ns) or self.wire.damage
-        last_ns = self._last_good_ns
-        # What came before the port was lost and opened says nothing of what is plugged in now.
-        if last_ns is not None and last_ns >= self._opened_ns and now_ns - last_ns <= self._stale_ns:
-            return "delivering", self.wire.damage
-        return "silent", "; ".join(filter(None, (self._why_silent(now_ns), self.wire.damage)))
-
-    def _quiet(self, now_ns: int) -> str | None:
-        quiet_ns = now_ns - max(self._last_good_ns or 0, self._opened_ns)
-        if quiet_ns < QUIET_NS:
-            return None
-        text = f"quiet for {quiet_ns // NS_PER_S} s"
-        return text if self.wire.heard_bytes == self._heard_then else f"{text}; {self._instead()}"
-
-    def _why_silent(self, now_ns: int) -> str:
-        if self.wire.heard_bytes != self._heard_then:
-            return self._instead()
-        if self._last_good_ns is None:
-            return "nothing received yet"
-        text = f"nothing received for {(now_ns - self._last_good_ns) / NS_PER_S:.0f} s"
-        period_ns = self._rhythm.period_ns
-        configured_ns = max(NS_PER_S / (self.table.rate_hz or ROLES[self.table.role].nominal_rate_hz), _BEAT_NS)
-        if period_ns is None or 5 * period_ns <= self._stale_ns or period_ns <= 1.5 * configured_ns:
-            return text
-        return f"{text}; it sends every {period_ns / NS_PER_S:.3g} s, slower than configured"
-
-    def _instead(self) -> str:
-        """What came in place of this sensor's lines."""
-        if self.hint is not None:
-            return self.hint
-        count = self.wire.heard_bytes - self._heard_then
-        bad = self.rejected - self._rejected_then
-        if self.wire.flooded:
-            return f"{count} bytes came, more than the port's byte budget: no whole line of this sensor is left of them"
-        if count < SHORTEST_SILENT_BYTES and not bad and self.wire.readable == self._readable_then:
-            return f"{count} bytes came, no whole line yet"
-        if self.wire.readable == self._readable_then and 2 * bad["not-ascii"] >= bad.total():
-            return f"{count} bytes came, none readable: wrong baud rate?"
-        if bad:
-            reasons = ", ".join(f"{reason} {number}" for reason, number in bad.most_common(4))
-            return f"{bad.total()} bad lines came, no good one: {reasons}"
-        return f"{count} bytes came, no line of this sensor: wrong port or talker?"
-
-    def limit_ns(self) -> int:
-        """How long a silence may be before it is told and the port is opened anew."""
-        return max(self._stale_ns, 5 * (self._rhythm.period_ns or 0))
+        state = self._delivery.state_at(now_ns)
+        return SHOWN[state], self._reason(state, now_ns)
 
     def overdue(self, now_ns: int) -> bool:
         """True when the open port has been silent so long that it should be reopened."""
-        if not self.periodic or self._port_reason is not None:
+        delivery = self._delivery
+        if not self.periodic or delivery.is_missing:
             return False
-        last_ns = max(self._since_ns, self._last_good_ns or 0)
-        limit_ns = self.limit_ns()
-        pause_ns = min(limit_ns << min(self._reopened, 8), max(limit_ns, LONGEST_REOPEN_PAUSE_NS))
-        return now_ns - last_ns > pause_ns
+        return self._pauses.is_due(now_ns, delivery.last_good_ns, delivery.limit_ns())
 
     def wants_hint(self, now_ns: int) -> bool:
         """True now and then while other bytes come and none of this sensor's lines: set `hint`."""
-        if self._port_reason is not None or self.wire.heard_bytes == self._heard_then or now_ns < self._hint_ns:
+        if self._delivery.is_missing or not self._since_good.size or now_ns < self._hint_ns:
             return False
-        quiet_ns = now_ns - max(self._last_good_ns or 0, self._opened_ns)
-        if quiet_ns <= (self._stale_ns if self.periodic else QUIET_NS):
+        if self._delivery.quiet_ns(now_ns) <= (self._delivery.stale_ns if self.periodic else words.QUIET_NS):
             return False
         self._hint_ns = now_ns + HINT_NS
         return True
 
     def report(self, now_ns: int) -> tuple[SensorHealth | None, Event | None]:
         """Health when due (once a second, and on every change of state), and the event of a change."""
-        if self.accepted != self._good_seen:
+        if self.accepted != self._accepted_then:
             self._note_good()
-        state, reason = self.state(now_ns)
-        changed = state != self._state
-        happening = self._happening(state, reason, now_ns)
-        if not changed and happening is None and now_ns - self._reported_ns < REPORT_NS:
+        code = self._delivery.look(now_ns)
+        state = self._delivery.state
+        if SHOWN[state] == self._shown and code is None and now_ns - self._reported_ns < REPORT_NS:
             return None, None
-        self._state, self._reported_ns = state, now_ns
-        return self._health(state, reason, now_ns), happening
+        self._shown, self._reported_ns = SHOWN[state], now_ns
+        reason = self._reason(state, now_ns)
+        happening = None if code is None else self._event(code, reason, now_ns)
+        return self._health(SHOWN[state], reason, now_ns), happening
 
     def _note_good(self) -> None:
         """Good lines came since the last report: from here on it is counted what came instead."""
-        self._good_seen = self.accepted
-        self._count_from_here()
-        self._reopened, self.hint = 0, None
+        self._accepted_then = self.accepted
+        self._since_good.restart()
+        self._pauses.succeeded()
+        self.hint = None
 
-    def _count_from_here(self) -> None:
-        self._heard_then, self._readable_then = self.wire.heard_bytes, self.wire.readable
-        self._rejected_then = self.rejected.copy()
+    def _reason(self, state: State, now_ns: int) -> str | None:
+        if state is State.MISSING:
+            reason: str | None = self._port_reason
+        elif not self.periodic:
+            reason = self._why_quiet(now_ns) or self.wire.damage
+        elif state is State.DELIVERING:
+            reason = self.wire.damage
+        else:
+            reason = "; ".join(filter(None, (self._why_silent(now_ns), self.wire.damage)))
+        return None if reason is None else reason[:MAX_REASON]
 
-    def _happening(self, state: str, reason: str | None, now_ns: int) -> Event | None:
-        """One event for each silence longer than the limit, and one for its end or the port's return."""
-        if not self.periodic:
+    def _why_quiet(self, now_ns: int) -> str | None:
+        return words.quiet(self._delivery.quiet_ns(now_ns), self._since_good.instead(self.hint))
+
+    def _why_silent(self, now_ns: int) -> str:
+        last_ns = self._delivery.last_good_ns
+        age_ns = None if last_ns is None else now_ns - last_ns
+        return words.silent(age_ns, self._slow_period_ns(), self._since_good.instead(self.hint))
+
+    def _slow_period_ns(self) -> int | None:
+        """The learned period of a sensor that is slower than configured, and would be silent between its lines."""
+        period_ns = self._delivery.rhythm.period_ns
+        configured_ns = max(NS_PER_S / (self.table.rate_hz or ROLES[self.table.role].nominal_rate_hz), BEAT_NS)
+        if period_ns is None or PERIODS * period_ns <= self._delivery.stale_ns or period_ns <= 1.5 * configured_ns:
             return None
+        return period_ns
+
+    def _event(self, code: str, reason: str | None, now_ns: int) -> Event:
         sensor = self.table.id
-        if state == "delivering" and not self._delivery_told:
-            self._silence_told, self._delivery_told = False, True
-            return event("sensor-delivering", now_ns, sensor, sensor=sensor)
-        since_ns = max(self._last_good_ns or 0, self._opened_ns)
-        if state != "silent" or self._silence_told or now_ns - since_ns <= self.limit_ns():
-            return None
-        self._silence_told, self._delivery_told = True, False
-        age_s = round((now_ns - since_ns) / NS_PER_S)
-        return event("sensor-silent", now_ns, sensor, sensor=sensor, age_s=age_s, reason=reason)
+        if code == "sensor-delivering":
+            return event(code, now_ns, sensor, sensor=sensor)
+        age_s = round(self._delivery.quiet_ns(now_ns) / NS_PER_S)
+        return event(code, now_ns, sensor, sensor=sensor, age_s=age_s, reason=reason)
 
     def _health(self, state: str, reason: str | None, now_ns: int) -> SensorHealth:
-        begin_ns, before = self._marks[0]
-        span_ns = max(now_ns - begin_ns, NS_PER_S)
-        if now_ns - self._marks[-1][0] >= REPORT_NS:
-            self._marks.append((now_ns, self._measured))
         return SensorHealth(
             sensor=self.table.id,
             t_ns=now_ns,
             state=state,
             reason=reason,
-            last_good_t_ns=self._last_good_ns,
-            rate_hz=(self._measured - before) / (span_ns / NS_PER_S),
+            last_good_t_ns=self._delivery.last_good_ns,
+            rate_hz=self._rate.report_hz(now_ns),
             flooded=self.wire.flooded,
             accepted=self.accepted,
             rejected=dict(self.rejected),

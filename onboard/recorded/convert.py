@@ -25,7 +25,8 @@ from common.sensors import BoatConfig, BoatTable, PortTable
 from common.settings import as_dict
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.config import byte_budget, load
-from onboard.reading.acquisition import Acquisition, Tally
+from onboard.reading.acquisition import Acquisition
+from onboard.reading.port_chain import Tally
 from onboard.recorded.recording import BAUDS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 

@@ -2,15 +2,14 @@
 
 import threading
 from bisect import bisect_right
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from common.codec import MAX_FRAME_BYTES
-from common.events import event
 from common.framer import Identity
-from common.messages import Event
 from common.sensors import SpoolTable
+from onboard.journal import Journal
 from onboard.spool.disk import Disk
 from onboard.spool.memory import Batch, Gathering
 from onboard.spool.shelf import Run, Shelf, read_from
@@ -26,19 +25,17 @@ class Spool:
         directory: Path | None,
         identity: Identity,
         table: SpoolTable,
-        tell: Callable[[Event], None],
-        now_ns: Callable[[], int],
+        journal: Journal,
         *,
         about: Mapping[str, Any] | None = None,
         disk: Disk | None = None,
     ) -> None:
-        """directory: None = memory only. tell is called by the constructor, `append` and `poll` only.
+        """directory: None = memory only. The journal is used by the constructor, `append` and `poll` only.
 
         about: `config` and `versions` of the greeting; they stand in every segment: `export` needs no other file.
         """
         self._identity = identity
-        self._tell = tell
-        self._now_ns = now_ns
+        self._journal = journal.child("spool")
         self._state = SpoolState()
         self._directory = directory
         self._thread: threading.Thread | None = None
@@ -63,7 +60,7 @@ class Spool:
         """Tell what has happened to the disk."""
         while self._state.happened:
             code, evidence = self._state.happened.popleft()
-            self._tell(event(code, self._now_ns(), "spool", **evidence))
+            self._journal.tell(code, **evidence)
 
     @property
     def synced_seq(self) -> int:

@@ -17,16 +17,18 @@ from common.command import number
 from common.errors import WayfixError
 from common.units import NS_PER_MS
 from onboard.virtual.boat import LEAD_NS, VirtualBoat
+from onboard.virtual.config_file import config_text, is_ours
 from onboard.virtual.console import Console
+from onboard.virtual.sent_file import SentFile
 from onboard.virtual.source import Source
-from onboard.virtual.written import WRITTEN_BY, SentFile, config_text
 
 LINGER_S = 0.2
 """Before ports are closed at the end: hanging up throws away what the reader has not fetched yet."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command."""
+def add_arguments(commands: Any) -> None:
+    """The sub-parser."""
+    parser = commands.add_parser("virtual", help="a virtual boat on pseudo-terminals", description=_virtual.__doc__)
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--scenario", metavar="NAME", help="simulated scenario, see --list (default 5.3)")
     source.add_argument("--recording", metavar="CSV", type=Path, help="play a column recording; needs --map")
@@ -67,10 +69,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hold", action="store_true", help="when ready, wait for a line on stdin")
     parser.add_argument("--until-stdin-closes", action="store_true", help="stop when stdin ends")
     parser.add_argument("--exit-at-end", action="store_true", help="do not keep the ports open after the last byte")
+    parser.set_defaults(command=_virtual)
 
 
-def run(args: argparse.Namespace) -> int:
-    """Play to the end, or until told to stop; 0 = done. Raises WayfixError for wrong input."""
+def _virtual(args: argparse.Namespace) -> int:
+    """Play a scenario or a recording on pseudo-terminals that behave like the real devices."""
     if args.list:
         return _list()
     for option, value in (("--clock-rate", args.clock_rate), ("--seconds", args.seconds)):
@@ -162,8 +165,7 @@ def _directory(wanted: Path | None) -> Path:
 def _refuse_foreign(paths: Iterable[Path]) -> None:
     """Nothing of somebody else's is overwritten; what an earlier virtual boat left is."""
     for path in paths:
-        is_ours = path.is_symlink() or (path.is_file() and path.read_bytes().startswith(WRITTEN_BY.encode()))
-        if path.exists() and not is_ours:
+        if path.exists() and not (path.is_symlink() or is_ours(path)):
             raise WayfixError("exists already and is not a virtual boat's", str(path), "give another --dir")
 
 

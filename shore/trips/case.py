@@ -9,7 +9,6 @@ directory/case.toml     name, text, how it was made, filters, order, tolerance o
 import argparse
 import csv
 import io
-import json
 import shlex
 import shutil
 import tomllib
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 from common.angles import difference_deg
 from common.command import printable
 from common.errors import WayfixError
+from common.toml_text import toml_text
 from common.units import NS_PER_S
 from common.whole_file import part_of
 
@@ -251,10 +251,9 @@ def _toml(case: Case, filters: list[str]) -> str:
         "filters": filters,
         "order": case.order,
         "every_s": case.every_s,
+        "tolerance": {column: tolerance for column, (_, tolerance) in COLUMNS.items()},
     }
-    lines = [f"{name} = {json.dumps(value)}" for name, value in table.items()]
-    tolerances = [f"{column} = {tolerance:g}" for column, (_, tolerance) in COLUMNS.items()]
-    return "\n".join((*lines, "", "[tolerance]", *tolerances, ""))
+    return toml_text(table)
 
 
 def _csv(columns: tuple[str, ...], rows: list[Row]) -> str:

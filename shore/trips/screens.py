@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from common.command import printable
+from common.toml_text import toml_lines
 from shore.logbook.mcap.damage import AnotherLog, clock
 from shore.trips.examine import Examination
 from shore.trips.listing import Trip, day, number
@@ -253,39 +254,6 @@ def _warnings(result: Examination) -> Table:
         style = _LEVEL_STYLES.get(event["level"], "")
         table.add_row(_second(log_time_ns)[11:19], str(event["source"]), Text(str(event["text"]), style))
     return table
-
-
-def toml_lines(table: dict[str, Any], path: str = "") -> Iterator[str]:
-    """A configuration as TOML; `None` is left out, as in a configuration file."""
-    for key, value in table.items():
-        if value is not None and not _is_table(value):
-            yield f"{key} = {_toml(value)}"
-    for key, value in table.items():
-        name = f"{path}{key}"
-        if isinstance(value, dict):
-            yield f"\n[{name}]"
-            yield from toml_lines(value, f"{name}.")
-        elif _is_table(value):
-            for item in value:
-                yield f"\n[[{name}]]"
-                yield from toml_lines(item, f"{name}.")
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict) or (
-        isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
-    )
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, str):
-        quoted = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(letter if letter.isprintable() else f"\\U{ord(letter):08x}" for letter in quoted) + '"'
-    return str(value)
 
 
 def _grid() -> Table:

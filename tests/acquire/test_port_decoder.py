@@ -99,8 +99,8 @@ def test_lines_of_another_model_are_recognised() -> None:
     port = decoder()
     for data in (b"$C309.8P4.0R-2.9T25.1*03", b"$C310.2P4.2R-2.6T25.1*0C"):
         assert isinstance(port.feed(line(data)), Ignored)
-    assert recognised(port.unclaimed) == "compass tcm2"
-    assert recognised([line(b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A")]) == "ais nmea"
+    assert recognised(port.unclaimed) == ("compass", "tcm2")
+    assert recognised([line(b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A")]) == ("ais", "nmea")
     assert recognised([line(b"hello"), line(b"\xff\xfe")]) is None
 
 

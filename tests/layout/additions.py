@@ -161,11 +161,13 @@ import asyncio, threading
 from pathlib import Path
 from onboard.control.commands import Commands
 from onboard.control.socket import Control
+from onboard.journal import Journal
 from onboard.main import main
 
 async def run():
-    commands = Commands(dict, {"gps1": print, "imu1": print}, print, lambda: 0)
-    control = Control(Path("."), commands.handlers(), print, lambda: 0)
+    journal = Journal(print, lambda: 0)
+    commands = Commands(dict, {"gps1": print, "imu1": print}, journal)
+    control = Control(Path("."), commands.handlers(), journal)
     serving = asyncio.create_task(control.run())
     await control.tried.wait()
     await asyncio.to_thread(main, ["sensors", "--runtime", "."])

@@ -158,8 +158,9 @@ def command_ashore(tree: Tree) -> None:
 
 def command_on_board(tree: Tree) -> None:
     tree.new("onboard/recorded/count.py", SUBCOMMAND)
-    call = "    from onboard.recorded.count import add_arguments as add_count\n\n    add_count(commands)\n"
-    tree.after("onboard/main.py", "commands = parser.add_subparsers", call)
+    main = "onboard/main.py"
+    tree.after(main, "from onboard.recorded import command as convert", "    from onboard.recorded import count\n")
+    tree.within(main, "in (run, check, convert,", "in (run, check, convert, count,")
     assert "count the lines" in tree.on_board("--help")
     (tree.root / "recording").write_text("$GP\n$GP\n", encoding="ascii")
     assert tree.on_board("lines", "recording") == "2\n"

@@ -15,6 +15,7 @@ from common.messages import Event, Fix, Frame, RawLine
 from common.sensors import SpoolTable
 from common.session import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_MS
+from onboard.journal import Journal
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
 from onboard.spool import Spool
@@ -81,14 +82,14 @@ class Bench:
         self.rights: frozenset[str] | None = frozenset({"read", "command"})
         self.asked: list[tuple[str, str]] = []
         self._zmq: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self.spool = Spool(None, Identity("b", BOOT, "c", 1), SpoolTable(), self.events.append, lambda: 0)
+        journal = Journal(self.events.append, lambda: 0)
+        self.spool = Spool(None, Identity("b", BOOT, "c", 1), SpoolTable(), journal)
         self.server = Server(
             Router(self._zmq, None),
             self.spool,
             connected=lambda: {"boot_id": BOOT, "next_seq": self.next_seq},
             frame_period_ns=PERIOD_NS,
-            tell=self.events.append,
-            now_ns=lambda: 0,
+            journal=journal,
             rights=lambda _key: self.rights,
             command=self._command,
             limits=limits,

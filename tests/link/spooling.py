@@ -10,6 +10,7 @@ from pathlib import Path
 from common.framer import Identity
 from common.messages import Event
 from common.sensors import SpoolTable
+from onboard.journal import Journal
 from onboard.spool import Spool
 from onboard.spool.disk import Disk
 
@@ -44,7 +45,8 @@ def spool_at(
     disk: Disk | None = None,
     told: Told | None = None,
 ) -> Spool:
-    return Spool(directory, identity(start_no), table, Told() if told is None else told, lambda: 0, disk=disk)
+    journal = Journal(Told() if told is None else told, lambda: 0)
+    return Spool(directory, identity(start_no), table, journal, disk=disk)
 
 
 def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:

@@ -33,6 +33,7 @@ from onboard.control.socket import (
     runtime_of,
     text_of,
 )
+from onboard.journal import Journal
 from onboard.link.access import READ, Access
 from onboard.link.pairing_port import PairingPort
 from onboard.main import main
@@ -64,7 +65,7 @@ class Bench:
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._over = asyncio.Event()
-        control = Control(self.directory, self.handlers, self.events.append, lambda: 0)
+        control = Control(self.directory, self.handlers, Journal(self.events.append, lambda: 0))
         task = asyncio.create_task(control.run())
         await control.tried.wait()
         self._started.set()
@@ -301,8 +302,8 @@ class KeyBench(Bench):
         self.access = Access(directory / "state")
         self.changes = 0
         super().__init__(directory, {})
-        port = PairingPort(self.access, "springer", "tcp://127.0.0.1:5760", self.events.append, lambda: 0)
-        requests = KeyRequests(self.access, port, self.events.append, lambda: 0, self._changed)
+        port = PairingPort(self.access, "springer", "tcp://127.0.0.1:5760", Journal(self.events.append, lambda: 0))
+        requests = KeyRequests(self.access, port, Journal(self.events.append, lambda: 0), self._changed)
         self.handlers.update(requests.handlers())
 
     def _changed(self) -> None:

@@ -13,6 +13,7 @@ from common.errors import LinkError, WayfixError
 from common.keys import fingerprint, key_text, raw_key
 from common.messages import Event
 from common.pairing import Station, framed, plain_code
+from onboard.journal import Journal
 from onboard.link.access import COMMAND, READ, Access
 from onboard.link.pairing_port import Opened, PairingPort, Request, place_of
 
@@ -26,7 +27,7 @@ class Bench:
     def __init__(self, directory: Path, boat_id: str = "springer") -> None:
         self.access = Access(directory)
         self.events: list[Event] = []
-        self.port = PairingPort(self.access, boat_id, "tcp://127.0.0.1:5760", self.events.append, lambda: 0)
+        self.port = PairingPort(self.access, boat_id, "tcp://127.0.0.1:5760", Journal(self.events.append, lambda: 0))
 
     @property
     def codes(self) -> list[str]:

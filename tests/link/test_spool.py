@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from common.sensors import SpoolTable
+from onboard.journal import Journal
 from onboard.spool import Batch, Run, Spool
 from onboard.spool import state as spool_state
 from onboard.spool.format import SEGMENT_BYTES, name_of
@@ -240,7 +241,7 @@ def test_a_lost_start_counter(tmp_path: Path, number: int) -> None:
         filled(directory, 3, start)
     for path in segments(directory):
         os.utime(path, (0, 10**9 - len(path.name)))
-    late = Spool(directory, identity(number), QUICK, Told(), lambda: 0)
+    late = Spool(directory, identity(number), QUICK, Journal(Told(), lambda: 0))
     new = [f"{index:016x}" for index in (90, 91)]
     for boot_id in new:
         late.close(1.0)
@@ -249,8 +250,7 @@ def test_a_lost_start_counter(tmp_path: Path, number: int) -> None:
             directory,
             type(fresh)(fresh.boat_id, boot_id, fresh.clock_id, number),
             QUICK,
-            Told(),
-            lambda: 0,
+            Journal(Told(), lambda: 0),
         )
         late.append(0, b"x")
         until(lambda: late.synced_seq == 0)  # noqa: B023

@@ -10,6 +10,7 @@ import pytest
 from common.codec import decode_frame, encode_frame
 from common.frames_file import FramesFile
 from common.messages import Frame
+from onboard.journal import Journal
 from onboard.main import main
 from onboard.spool import Spool
 from tests.link.spooling import QUICK, Told, identity, until
@@ -38,7 +39,7 @@ def real_frame(seq: int, start_no: int, *, dated: bool) -> bytes:
 
 def sailed(state: Path, start_no: int, count: int, *, dated_from: int = 0, about: Any = ABOUT) -> Spool:
     """A start of `count` frames whose daemon still lives; time is known from frame `dated_from` on."""
-    spool = Spool(state / "spool", identity(start_no), QUICK, Told(), lambda: 0, about=about)
+    spool = Spool(state / "spool", identity(start_no), QUICK, Journal(Told(), lambda: 0), about=about)
     for seq in range(count):
         spool.append(seq, real_frame(seq, start_no, dated=seq >= dated_from))
     until(lambda: spool.synced_seq == count - 1)

@@ -152,9 +152,10 @@ def test_wrong_input_is_told_in_one_sentence(
     before = sorted(tmp_path.iterdir())
     monkeypatch.chdir(tmp_path)
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    command.add_arguments(parser.add_subparsers())
+    arguments = parser.parse_args(["virtual", "--dir", str(tmp_path), *options])
     with pytest.raises(WayfixError) as caught:
-        command.run(parser.parse_args(["--dir", str(tmp_path), *options]))
+        arguments.command(arguments)
     assert words in str(caught.value)
     assert sorted(tmp_path.iterdir()) == before
 

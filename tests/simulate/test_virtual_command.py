@@ -33,8 +33,9 @@ RUN = """
 import argparse, sys
 from onboard.virtual import command
 parser = argparse.ArgumentParser()
-command.add_arguments(parser)
-sys.exit(command.run(parser.parse_args()))
+command.add_arguments(parser.add_subparsers())
+arguments = parser.parse_args(["virtual", *sys.argv[1:]])
+sys.exit(arguments.command(arguments))
 """
 FAST = ("--clock-rate", "16")
 
@@ -224,9 +225,10 @@ def test_wrong_input_is_told_in_one_sentence(tmp_path: Path, options: list[str],
     import argparse
 
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    command.add_arguments(parser.add_subparsers())
+    arguments = parser.parse_args(["virtual", "--dir", str(tmp_path), *options])
     with pytest.raises(WayfixError) as caught:
-        command.run(parser.parse_args(["--dir", str(tmp_path), *options]))
+        arguments.command(arguments)
     assert words in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 

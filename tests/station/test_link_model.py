@@ -20,6 +20,7 @@ from common.messages import Event, Frame
 from common.sensors import SpoolTable
 from common.session import BoundedRun, Lease
 from common.units import NS_PER_MS
+from onboard.journal import Journal
 from onboard.link.router import Receive, Router
 from onboard.link.server import Server
 from onboard.spool import Spool
@@ -105,10 +106,11 @@ class Board:
     def __init__(self, wire: Wire) -> None:
         self.identity = Identity("b", "ab" * 8, "c", 1)
         self.events: list[Event] = []
-        self.spool = Spool(None, self.identity, SpoolTable(), self.events.append, lambda: 0)
+        journal = Journal(self.events.append, lambda: 0)
+        self.spool = Spool(None, self.identity, SpoolTable(), journal)
         self.server = Server(
             cast("Router", wire), self.spool, connected=dict, frame_period_ns=PERIOD_NS,
-            tell=self.events.append, now_ns=lambda: 0,
+            journal=journal,
         )  # fmt: skip
         self.seq = 0
 

@@ -11,10 +11,10 @@ from common.codec import encode_frame
 from common.errors import WayfixError
 from common.events import event
 from common.messages import Frame
+from common.toml_text import toml_lines
 from shore.logbook.census import Census, light_frame
 from shore.logbook.record import new_log
 from shore.terminal import say, tell
-from shore.trips.screens import toml_lines
 from tests.station.log_commands import answer, harmed, put, wayfix_log
 from tests.station.log_files import EACH_NS, START, UTC_NS, frame, log_bytes, other_writer
 from tests.strategies import frame_of

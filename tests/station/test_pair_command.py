@@ -19,6 +19,7 @@ from common.keys import fingerprint, key_text
 from common.pairing import Board, framed, plain_code
 from onboard.control.key_requests import KeyRequests
 from onboard.control.socket import Control, ask
+from onboard.journal import Journal
 from onboard.link.access import READ, Access
 from onboard.link.pairing_port import PairingPort
 from shore.link import pair_command
@@ -45,9 +46,9 @@ def board(directory: Path) -> Iterator[Access]:
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
         over.append(lambda: loop.call_soon_threadsafe(stop.set))
-        port = PairingPort(access, "springer", "tcp://127.0.0.1:5760", lambda _event: None, lambda: 0)
-        requests = KeyRequests(access, port, lambda _event: None, lambda: 0, lambda: None)
-        control = Control(directory, requests.handlers(), lambda _event: None, lambda: 0)
+        port = PairingPort(access, "springer", "tcp://127.0.0.1:5760", Journal(lambda _event: None, lambda: 0))
+        requests = KeyRequests(access, port, Journal(lambda _event: None, lambda: 0), lambda: None)
+        control = Control(directory, requests.handlers(), Journal(lambda _event: None, lambda: 0))
         task = asyncio.create_task(control.run())
         await control.tried.wait()
         started.set()

@@ -6,6 +6,7 @@ import pytest
 
 from common.codec import encode_frame
 from common.messages import Fix, Frame
+from onboard.journal import Journal
 from onboard.main import main
 from onboard.spool import Spool
 from tests.link.spooling import QUICK, Told, identity
@@ -24,7 +25,7 @@ ABOUT = {
 
 def test_an_export_is_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     who = identity()
-    spool = Spool(tmp_path / "spool", who, QUICK, Told(), lambda: 0, about=ABOUT)
+    spool = Spool(tmp_path / "spool", who, QUICK, Journal(Told(), lambda: 0), about=ABOUT)
     for seq in range(50):
         t0_ns = 10**12 + seq * 10**9
         fix = Fix(sensor="gps1", t_ns=t0_ns, lat_deg=50.0 + 1e-5 * seq, lon_deg=-1.0, fix_quality=1)

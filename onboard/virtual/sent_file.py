@@ -1,30 +1,11 @@
-"""Configuration writer (TOML) and sent-data log of the virtual boat, whatever it plays."""
+"""Sent-data log (JSON lines) of the virtual boat: a record of everything that went out."""
 
 import json
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
-
-from common.sensors import BoatConfig
-from common.settings import as_dict
-
-WRITTEN_BY: Final = "# Written by `wayfix-onboard virtual`"
-
-
-def config_text(head: str, config: BoatConfig) -> str:
-    """`config` as TOML, every key that has a value written out; head: what it is for, one or more lines."""
-    lines = head.splitlines()
-    parts = [f"{WRITTEN_BY} {lines[0]}\n" + "".join(f"# {line}\n" for line in lines[1:])]
-    for name, content in as_dict(config).items():
-        tables = content if isinstance(content, list) else [content]
-        title = f"[[{name}]]" if isinstance(content, list) else f"[{name}]"
-        for table in tables:
-            # JSON's texts, numbers, booleans and lists are TOML's too.
-            rows = "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in table.items())
-            parts.append(f"{title}\n{rows}")
-    return "\n".join(parts)
+from typing import Any
 
 
 class SentFile:

@@ -1,0 +1,195 @@
+"""One port's pipeline, pure: chunks of bytes through byte budget, line splitter and drivers to measurements and events.
+
+chunk -> budget -> lines -> devices -> sink
+                     |         |
+                     |         `-> monitors (what each sensor delivers)
+                     `-> line quality (what the port's bytes are like)
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+from common.events import event
+from common.framer import Measurement
+from common.messages import Event
+from common.sensors import PortTable
+from common.units import NS_PER_S
+from onboard.devices import PortDecoder, make_driver, recognised
+from onboard.devices.base import COMPANIONS, Accepted, Ignored, Outcome, Rejected
+from onboard.devices.sentence import address
+from onboard.reading.budget import ByteBudget
+from onboard.reading.health import SensorMonitor
+from onboard.reading.line_quality import DamageWatch, Wire
+from onboard.reading.lines import LineSplitter
+
+DAMAGE: Final = frozenset(
+    {"checksum", "not-ascii", "not-nmea", "no-checksum", "run-together", "too-long", "marks", "duplicate", "form"}
+)
+"""Reasons that blame the wire; the others blame what the device says."""
+
+
+@dataclass(slots=True)
+class Tally:
+    """What became of every line of a port."""
+
+    accepted: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """By (sensor, kind)."""
+    rejected: Counter[str] = field(default_factory=Counter)
+    """By reason."""
+    ignored: Counter[str] = field(default_factory=Counter)
+    """By kind: well-formed lines that no sensor of the port needs."""
+
+    def count(self, outcome: Outcome) -> None:
+        """One line."""
+        match outcome:
+            case Accepted():
+                self.accepted[outcome.sensor, outcome.kind] += 1
+            case Rejected():
+                self.rejected[outcome.reason] += 1
+            case Ignored():
+                self.ignored[outcome.kind] += 1
+
+    @property
+    def lines(self) -> int:
+        """All lines so far."""
+        return self.accepted.total() + self.rejected.total() + self.ignored.total()
+
+
+class Sink(Protocol):
+    """Where a port's measurements and events go."""
+
+    def take(self, measurement: Measurement, now_ns: int) -> None:
+        """A measurement that became known at `now_ns`."""
+        ...
+
+    def happened(self, happening: Event) -> None:
+        """Something about the port or its lines."""
+        ...
+
+
+class PortChain:
+    """One port and everything its bytes run through before they are a measurement."""
+
+    def __init__(
+        self, table: PortTable, budget: ByteBudget, monitors: Iterable[SensorMonitor], wire: Wire, sink: Sink
+    ) -> None:
+        """Monitors: of the port's sensors, in the order of the configuration file; wire: shared with them."""
+        self.table = table
+        self.monitors = {monitor.table.id: monitor for monitor in monitors}
+        self.wire = wire
+        self.decoder = PortDecoder([make_driver(monitor.table) for monitor in self.monitors.values()])
+        self.splitter = LineSplitter()
+        self.tally = Tally()
+        self._sink = sink
+        self._overflows = 0
+        self._budget = budget
+        self._damage = DamageWatch(wire, periodic=any(monitor.periodic for monitor in self.monitors.values()))
+        self._flood_ns: int | None = None
+        self._state = "new"
+
+    def chunk(self, data: bytes, t_ns: int) -> None:
+        """Bytes as read, stamped once."""
+        self.wire.heard_bytes += len(data)
+        allowed = self._budget.take(len(data), t_ns)
+        for line in self.splitter.feed(data[:allowed], t_ns):
+            self._dispose(self.decoder.feed(line), t_ns)
+        if allowed < len(data):
+            self._cut(len(data) - allowed, t_ns)
+
+    def flush(self, now_ns: int) -> None:
+        """What is due without another line, the end of a flood, and what there is to say about the lines."""
+        for measurement in self.decoder.flush(self.splitter.complete_until(now_ns)):
+            if not isinstance(measurement, COMPANIONS):
+                self.monitors[measurement.sensor].measured()
+            self._sink.take(measurement, now_ns)
+        if self._flood_ns is not None and now_ns - self._flood_ns > NS_PER_S and self._budget.calm(now_ns):
+            self._flood_ns = None
+            self._mark_flood(False, now_ns)
+        self._tell_damage(now_ns)
+        for monitor in self.monitors.values():
+            if monitor.wants_hint(now_ns):
+                monitor.hint = self._whose_lines(monitor)
+
+    def changed(self, reason: str | None, now_ns: int) -> None:
+        """The port opened (None) or was lost. One event for each loss and each return, whatever is tried in between."""
+        self._damage.reset()
+        self.decoder.unclaimed.clear()
+        if reason is None:
+            self.splitter.reset()
+            self._tell("port-opened", now_ns, path=self.table.path)
+        elif self._state == "open":
+            self._tell("port-lost", now_ns, reason=reason)
+        elif self._state == "new":
+            self._tell("port-missing", now_ns, reason=reason)
+        self._state = "open" if reason is None else "closed"
+        for monitor in self.monitors.values():
+            monitor.port_changed(reason, now_ns)
+
+    def silent(self, now_ns: int) -> bool:
+        """All periodic sensors of the port fell silent: it should be opened once more, some adapters need it."""
+        periodic = [monitor for monitor in self.monitors.values() if monitor.periodic]
+        return bool(periodic) and all(monitor.overdue(now_ns) for monitor in periodic)
+
+    def reopening(self, now_ns: int) -> None:
+        """The silent port is being closed and opened."""
+        self.splitter.reset()
+        for monitor in self.monitors.values():
+            monitor.reopening(now_ns)
+
+    def _tell_damage(self, now_ns: int) -> None:
+        self.wire.damaged += self.splitter.overflows - self._overflows
+        self._overflows = self.splitter.overflows
+        found = self._damage.look(now_ns)
+        if found is not None:
+            code, damaged, lines = found
+            self._tell(code, now_ns, damaged=damaged, lines=lines)
+
+    def _whose_lines(self, monitor: SensorMonitor) -> str | None:
+        """A sensor came back as another model, or the plugs were swapped: say so."""
+        found = recognised(self.decoder.unclaimed)
+        if found is None:
+            return None
+        table = monitor.table
+        if found == (table.role, table.model):
+            addresses = {address(line.data) for line in self.decoder.unclaimed}
+            talkers = ", ".join(sorted({where[0] for where in addresses if where is not None})[:4])
+            return f"its lines come from talker {talkers}; configured: {', '.join(table.talkers) or 'all'}"
+        return f"lines like those of {' '.join(found)} come; configured: {table.role} {table.model}"
+
+    def _dispose(self, outcome: Outcome, t_ns: int) -> None:
+        self.tally.count(outcome)
+        if isinstance(outcome, Accepted):
+            self.wire.readable += 1
+            measured = False
+            for measurement in outcome.measurements:
+                measured = measured or not isinstance(measurement, COMPANIONS)
+                self._sink.take(measurement, t_ns)
+            self.monitors[outcome.sensor].accept(t_ns, measured)
+        elif isinstance(outcome, Rejected):
+            if outcome.reason in DAMAGE:
+                self.wire.damaged += 1
+            else:
+                self.wire.readable += 1
+            # A line that names no sensor counts for every sensor of the port: each of them may have sent it.
+            for monitor in self.monitors.values():
+                if outcome.sensor in (None, monitor.table.id):
+                    monitor.reject(outcome.reason)
+        elif outcome.kind != "text":  # what a wrong baud rate makes of a line may happen to be printable
+            self.wire.readable += 1
+
+    def _cut(self, count: int, t_ns: int) -> None:
+        self.splitter.note_cut()
+        self.wire.discarded_bytes += count
+        if self._flood_ns is None:
+            self._mark_flood(True, t_ns)
+        self._flood_ns = t_ns
+
+    def _mark_flood(self, flooded: bool, t_ns: int) -> None:
+        self.wire.flooded = flooded
+        self._tell("port-flooded" if flooded else "port-calm", t_ns, budget=self._budget.bytes_per_s)
+
+    def _tell(self, code: str, t_ns: int, **evidence: str | float) -> None:
+        name = self.table.name
+        self._sink.happened(event(code, t_ns, name, port=name, **evidence))
