@@ -18,11 +18,11 @@ from pathlib import Path
 
 import zmq
 
+from common.boat_config import SpoolTable
 from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.framer import Identity
 from common.messages import Event, Fix, Frame, RawLine
-from common.sensors import SpoolTable
 from common.units import NS_PER_S
 from onboard.journal import Journal
 from onboard.link.access import Access, Zap

@@ -22,14 +22,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame, encode_frame
 from common.messages import Frame
-from common.sensors import BoatConfig
 from common.settings import as_dict
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
 from common.units import NS_PER_MS, NS_PER_S
-from shore.logbook.record import log_at
+from shore.logbook.log_writer import log_at
 from shore.logbook.session import start_record
 from shore.pipeline import Pipeline
 from tests import offline

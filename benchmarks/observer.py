@@ -13,7 +13,7 @@ from typing import Any, Final
 import zmq
 
 from benchmarks.feeder import GPS_FIELDS, IMU_FIRST_COUNT, MODULUS, ais_number
-from common import session
+from common import link_messages as session
 from common.clock import boottime_ns
 from common.codec import decode_frame
 from common.messages import SCHEMA_VERSION, Frame

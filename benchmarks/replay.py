@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.logbook import FILTER, ROUND_S, Step, measured, one_round, rounds, write_log
-from common.sensors import BoatConfig
+from common.boat_config import BoatConfig
 from shore.pipeline import Pipeline
 
 FRAME_HZ = 10

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from common.boat_config import SpoolTable
 from common.framer import Identity
-from common.sensors import SpoolTable
 from onboard.journal import Journal
 from onboard.spool import Spool
 

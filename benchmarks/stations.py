@@ -14,12 +14,12 @@ from typing import Any, Final
 
 import zmq
 
-from common import session
+from common import link_messages as session
 from common.clock import boottime_ns
 from common.codec import decode_frame
-from common.session import Lease
+from common.link_messages import Lease
 from common.units import NS_PER_S
-from shore.link.ledger import Ledger
+from shore.link.frame_ledger import Ledger
 from shore.link.link import Link, Wants
 from shore.link.transport import LinkKeys
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, Final
 
+from common.boat_config import LATE_IMU_S
 from common.messages import (
     AisLine,
     Attitude,
@@ -20,7 +21,6 @@ from common.messages import (
     SensorHealth,
     TurnRate,
 )
-from common.sensors import LATE_IMU_S
 from common.units import NS_PER_S
 
 

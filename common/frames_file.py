@@ -13,11 +13,11 @@ from typing import Any, BinaryIO, Final, Self
 
 import msgpack
 
-from common import session
+from common import link_messages as session
+from common.atomic_file import whole_file
 from common.codec import MAX_FRAME_BYTES
 from common.errors import CodecError, WayfixError
 from common.messages import SCHEMA_VERSION
-from common.whole_file import whole_file
 
 FILE_FORMAT: Final = 1
 """In the greeting's `file.format`; raised when an old reader could misread a new file."""

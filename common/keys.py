@@ -17,8 +17,8 @@ from typing import Final
 import zmq
 from zmq.utils import z85
 
+from common.atomic_file import sync_directory
 from common.errors import WayfixError
-from common.whole_file import sync_directory
 
 KEY_BYTES: Final = 32
 CROCKFORD: Final = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"

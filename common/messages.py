@@ -13,7 +13,7 @@ them, a new reader fills them in).
 from dataclasses import dataclass, field
 from typing import Annotated, Final
 
-from common.ranges import MaxLength, OneOf, Range
+from common.field_bounds import MaxLength, OneOf, Range
 
 SCHEMA_VERSION: Final = 1
 """Raised only when an old reader could misread a new frame."""

@@ -23,7 +23,7 @@ from common.errors import CodecError, LinkError, WayfixError
 from common.key_list import name_fault
 from common.keys import CROCKFORD, KEY_BYTES, crockford
 from common.units import NS_PER_S
-from common.untrusted import unpack_untrusted
+from common.untrusted_msgpack import unpack_untrusted
 
 VERSION: Final = 1
 NONCE_BYTES: Final = 32

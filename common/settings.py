@@ -4,7 +4,7 @@
     SettingsError: boat.toml: [[sensor]] gps1.rate_hz: must be >= 0.01, got -1
 
 Types understood: str, int, float (an int is taken for a float), bool, nested dataclasses, `tuple[X, ...]`, `X | None`,
-each with `Annotated` bounds of `common.ranges`.
+each with `Annotated` bounds of `common.field_bounds`.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from common.errors import SettingsError
-from common.ranges import MaxLength, NeededFor, OneOf, OnlyFor, Range
+from common.field_bounds import MaxLength, NeededFor, OneOf, OnlyFor, Range
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ _TYPE_WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "t
 def read_toml(path: str | Path, table: type[T], use: str | None = None) -> T:
     """Read a TOML file into the frozen dataclass `table`; raises SettingsError with every fault found.
 
-    use: of a file that several programs read, see `OnlyFor` and `NeededFor` of `common.ranges`.
+    use: of a file that several programs read, see `OnlyFor` and `NeededFor` of `common.field_bounds`.
     """
     file = str(path)
     try:

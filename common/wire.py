@@ -13,7 +13,7 @@ import typing
 from collections.abc import Callable
 from typing import Annotated, Any, Final, get_args, get_origin
 
-from common.ranges import MaxLength, OneOf, Range
+from common.field_bounds import MaxLength, OneOf, Range
 from common.units import NS_PER_US
 
 MAX_ENTRIES: Final = 8192

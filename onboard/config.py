@@ -6,8 +6,8 @@ from itertools import combinations
 from pathlib import Path
 from typing import Final
 
+from common.boat_config import ROLES, BoatConfig, PortTable, SensorTable
 from common.errors import SettingsError, WayfixError
-from common.sensors import ROLES, BoatConfig, PortTable, SensorTable
 from common.settings import read_toml
 from onboard.devices import make_driver
 

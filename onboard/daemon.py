@@ -11,16 +11,16 @@ from typing import Any, Final
 
 import zmq
 
+from common.boat_config import BoatConfig
 from common.clock import BoatClock, machine_clock_id
 from common.events import line_of
 from common.framer import Identity
 from common.messages import Event, Frame
-from common.sensors import BoatConfig
 from common.settings import as_dict
 from common.units import NS_PER_S, NS_PER_US
 from onboard.alive import AliveMark
-from onboard.control.commands import Commands
-from onboard.control.key_requests import KeyRequests
+from onboard.control.handlers import Commands
+from onboard.control.key_handlers import KeyRequests
 from onboard.control.socket import Control, has_terminal
 from onboard.journal import Journal
 from onboard.link.access import Access

@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from common.boat_config import BoatConfig
 from common.clock import BoatClock
 from common.command import number, say_json
 from common.errors import WayfixError
-from common.sensors import BoatConfig
 from onboard.notify import notifier
 
 

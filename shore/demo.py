@@ -27,11 +27,11 @@ from common.codec import decode_frame
 from common.errors import LinkError, WayfixError
 from common.key_list import Entry, with_entry
 from common.keys import new_keys, write_own
-from common.session import MAX_WINDOW
+from common.link_messages import MAX_WINDOW
 from shore.link.link import Link
 from shore.link.transport import LinkKeys
 from shore.live.run import LiveRun, Options, StopFlag, Tally
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from shore.replay.frames import logged_config
 from shore.report.score import score_of
 
@@ -276,7 +276,7 @@ class Demo:
         if self.options.recording is not None:
             title = f"Wayfix demo: {self.options.recording.name}"
         try:
-            from shore.report.tracks import draw
+            from shore.report.run_picture import draw
 
             draw(picture, score, frames, estimates, title)
             summary["picture"] = str(picture)

@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from common.boat_config import BoatConfig
 from common.boat_start import BoatStart
 from common.errors import WayfixError
 from common.messages import Event, Frame
-from common.sensors import BoatConfig
 from common.seqset import SeqSet
 from shore.navigation.estimate import Estimate
+from shore.navigation.fixed_steps import LONGEST_STEP_S, SHORTEST_STEP_S
 from shore.navigation.own_ship import OwnShip
-from shore.navigation.synchronous import LONGEST_STEP_S, SHORTEST_STEP_S
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,14 @@ from heapq import merge as in_order
 import numpy as np
 
 from common.angles import difference_deg
+from common.boat_config import BoatConfig
 from common.codec import decode_frame, encode_frame
 from common.framer import Framer, Identity, ImuSample, Utc
 from common.messages import Fix, Frame, Heading
-from common.sensors import BoatConfig
 from common.simulation.readings import FixReading, HeadingReading, Timed
 from common.simulation.voyage import Voyage
 from common.units import M_S_PER_KN, NS_PER_S
-from onboard.virtual.files import boat_config
+from onboard.virtual.voyage_files import boat_config
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Output, Pipeline
 

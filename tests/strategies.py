@@ -10,6 +10,7 @@ from typing import Annotated, Any, get_args, get_origin
 
 from hypothesis import strategies as st
 
+from common.field_bounds import MaxLength, OneOf, Range
 from common.messages import (
     AisLine,
     Attitude,
@@ -24,7 +25,6 @@ from common.messages import (
     SensorHealth,
     TurnRate,
 )
-from common.ranges import MaxLength, OneOf, Range
 
 MESSAGES = (Fix, ImuBlock, Heading, TurnRate, Attitude, ClockPair, AisLine, RadarTarget, RawLine, SensorHealth, Event)
 

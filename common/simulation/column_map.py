@@ -7,8 +7,8 @@ Two programs read it. An import (`wayfix import`) takes every row as it is, of w
 from dataclasses import dataclass, field
 from typing import Annotated, Final, TypeVar
 
-from common.ranges import NeededFor, OnlyFor, Range
-from common.sensors import BoatTable
+from common.boat_config import BoatTable
+from common.field_bounds import NeededFor, OnlyFor, Range
 from common.simulation.readings import SensorFacts
 
 T = TypeVar("T")

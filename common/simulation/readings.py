@@ -1,14 +1,14 @@
 """Sensor readings of a virtual boat (errors included) in order of time, before a device turns them into bytes.
 
-A scenario (`scenarios.py`) or a recording (`recording.py`) makes the list; encoders (`onboard.virtual.encoders`) or the
-laboratory take it. No numpy in here, so that encoders can be imported anywhere.
+A scenario (`scenarios.py`) or a recording (`column_recording.py`) makes the list; encoders
+(`onboard.virtual.encoders`) or the laboratory take it. No numpy in here, so that encoders can be imported anywhere.
 """
 
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from common.ranges import OneOf, Range
-from common.sensors import IMU_AXES, SensorTable
+from common.boat_config import IMU_AXES, SensorTable
+from common.field_bounds import OneOf, Range
 
 _TABLE: Final = SensorTable(id="imu1", port="imu", role="imu")
 """For its defaults: what a boat's file means when it says nothing."""

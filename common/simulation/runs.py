@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from common.simulation.motion import Array, grid
 from common.simulation.scenario import Scenario
-from common.simulation.sensors import (
+from common.simulation.sensor_models import (
     Draws,
     body_motion,
     by_phase,

@@ -7,14 +7,14 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geodesy import LocalPlane
-from common.simulation.assumed import Assumed
 from common.simulation.fields import STILL, VectorField
-from common.simulation.flaws import NO_FLAWS, Flaws
+from common.simulation.filter_tuning import Assumed
 from common.simulation.manoeuvres import Manoeuvres, follow
 from common.simulation.motion import Array, Mission, Place, Truth, sail
 from common.simulation.readings import SensorFacts
-from common.simulation.sensors import Phase, imu_bias
-from common.simulation.tables import REALISTIC, TABLE_5_4_BIAS, budget_m
+from common.simulation.sensor_errors import NO_FLAWS, Flaws
+from common.simulation.sensor_models import Phase, imu_bias
+from common.simulation.thesis_tables import REALISTIC, TABLE_5_4_BIAS, budget_m
 
 SOLENT: Final = LocalPlane(50.76, -1.29)
 """Origin of the simulated plane, near Cowes: a schematic stand-in. The thesis prints its map without coordinates, so

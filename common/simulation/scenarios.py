@@ -5,14 +5,14 @@ from typing import Final
 
 import numpy as np
 
+from common.boat_config import BoatTable
 from common.errors import WayfixError
-from common.sensors import BoatTable
 from common.simulation.motion import Array, Truth, grid
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, Timed
 from common.simulation.scenario import Scenario, Sensor
 from common.simulation.scenarios_own import OWN
 from common.simulation.scenarios_thesis import THESIS
-from common.simulation.sensors import Draws, compass_heading_deg, gps_position, gps_velocity, imu_samples
+from common.simulation.sensor_models import Draws, compass_heading_deg, gps_position, gps_velocity, imu_samples
 from common.simulation.voyage import Voyage
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in (*THESIS, *OWN)}

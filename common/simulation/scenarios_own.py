@@ -4,13 +4,13 @@ from dataclasses import replace
 from typing import Final
 
 from common.geodesy import LocalPlane
-from common.simulation.assumed import Assumed
 from common.simulation.fields import SOUTHAMPTON_WATER, Leeway, Sum, Tide, Uniform
+from common.simulation.filter_tuning import Assumed
 from common.simulation.motion import Mission, Place
 from common.simulation.scenario import Outage, Scenario, with_bias
 from common.simulation.scenarios_thesis import SOLENT_COAST, SOLENT_TIDE, TRACK_1
-from common.simulation.sensors import Phase, SensorErrors
-from common.simulation.tables import POOR, TABLE_5_3, TABLE_5_4
+from common.simulation.sensor_models import Phase, SensorErrors
+from common.simulation.thesis_tables import POOR, TABLE_5_3, TABLE_5_4
 
 OURS: Final = "ours"
 

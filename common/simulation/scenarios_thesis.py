@@ -7,13 +7,13 @@ says. Its maps are pictures on a scale of 1:5; the coast lines here are our own 
 from dataclasses import replace
 from typing import Final
 
-from common.simulation.assumed import Assumed
 from common.simulation.fields import Uniform, WavyCurrent
+from common.simulation.filter_tuning import Assumed
 from common.simulation.manoeuvres import Manoeuvres, Turn
 from common.simulation.motion import Mission, Place
 from common.simulation.scenario import Scenario
-from common.simulation.sensors import Phase, SensorErrors
-from common.simulation.tables import POOR, QUIET, TABLE_3_4, TABLE_4_1, TABLE_4_4, TABLE_5_3, TABLE_5_4, compat
+from common.simulation.sensor_models import Phase, SensorErrors
+from common.simulation.thesis_tables import POOR, QUIET, TABLE_3_4, TABLE_4_1, TABLE_4_4, TABLE_5_3, TABLE_5_4, compat
 
 CHAPTER_4: Final = "thesis, chapter 4"
 CHAPTER_5: Final = "thesis, chapter 5"

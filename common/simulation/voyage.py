@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from common.boat_config import BoatTable
 from common.geodesy import LocalPlane
-from common.sensors import BoatTable
 from common.simulation.motion import Truth
 from common.simulation.readings import Rates, SensorFacts, Timed
 

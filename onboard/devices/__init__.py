@@ -4,7 +4,7 @@ Every line ends as Accepted, Rejected (with a reason) or Ignored; nothing here r
 opens anything.
 """
 
-from onboard.devices.base import Accepted, Driver, Ignored, Line, Outcome, Rejected
+from onboard.devices.driver import Accepted, Driver, Ignored, Line, Outcome, Rejected
 from onboard.devices.port_decoder import PortDecoder
 from onboard.devices.recognise import recognised
 from onboard.devices.registry import MODELS, make_driver

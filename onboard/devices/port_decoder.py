@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from common.framer import Measurement
-from onboard.devices.base import Driver, Ignored, Line, Outcome, Rejected
-from onboard.devices.sentence import address, check_sentence, sentence_of
+from onboard.devices.driver import Driver, Ignored, Line, Outcome, Rejected
+from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
 
 log = logging.getLogger(__name__)
 

@@ -4,10 +4,10 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from common.boat_config import ROLES, SensorTable
 from common.framer import Measurement
-from common.sensors import ROLES, SensorTable
 from common.units import NS_PER_S
-from onboard.devices.base import COMPANIONS, Accepted, Line
+from onboard.devices.driver import COMPANIONS, Accepted, Line
 from onboard.devices.port_decoder import PortDecoder
 from onboard.devices.registry import MODELS, make_driver
 

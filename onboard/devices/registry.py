@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Final
 
+from common.boat_config import SensorTable
 from common.errors import WayfixError
-from common.sensors import SensorTable
-from onboard.devices.base import Driver
 from onboard.devices.compass.driver import CompassDriver, hmr3000, hsc100
 from onboard.devices.compass.kvh import KvhDriver
 from onboard.devices.compass.tcm2 import Tcm2Driver
+from onboard.devices.driver import Driver
 from onboard.devices.gps.driver import GpsDriver
 from onboard.devices.inertial.arduimu import ArduImuDriver
 from onboard.devices.inertial.tinkerkit import TinkerKitDriver

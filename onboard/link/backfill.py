@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import Callable, Collection
 from typing import Final
 
-from common import session
+from common import link_messages as session
 from common.clock import boottime_ns
 from common.errors import CodecError
 from common.units import NS_PER_S

@@ -6,7 +6,7 @@ from typing import Any, Final
 from common.codec import MAX_FRAME_BYTES, decode_frame, encode_frame
 from common.errors import CodecError
 from common.framer import merge
-from common.session import BoundedRun
+from common.link_messages import BoundedRun
 from common.units import NS_PER_S
 
 GATHERED_BYTES: Final = 2 * MAX_FRAME_BYTES

@@ -7,7 +7,7 @@ from typing import Final
 
 import zmq
 
-from common import session
+from common import link_messages as session
 from common.errors import WayfixError
 
 log = logging.getLogger(__name__)

@@ -1,4 +1,4 @@
-"""The board's end of the link: sessions over one ROUTER socket (`common.session`, docs/protocol.md).
+"""The board's end of the link: sessions over one ROUTER socket (`common.link_messages`, docs/protocol.md).
 
 Every frame goes to the store first. A client is sent the newest frame, then what it misses, oldest first, within its
 window; it says what that is with each lease (`onboard.link.sessions`). A newest frame that finds no room is passed
@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import zmq
 
-from common import session
+from common import link_messages as session
 from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.errors import CodecError, WayfixError

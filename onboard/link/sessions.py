@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from common.session import LEASE_S, FrameRange, Lease
+from common.link_messages import LEASE_S, FrameRange, Lease
 from common.units import NS_PER_S
 from onboard.link.bounded_run import InOrder
 from onboard.spool import Run

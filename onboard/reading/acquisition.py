@@ -10,18 +10,18 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from common.boat_config import BoatConfig
 from common.events import event
 from common.framer import Framer, Identity, Measurement
 from common.messages import ClockPair, Event, Frame
-from common.sensors import BoatConfig
 from common.settings import as_dict
 from onboard.config import byte_budget
-from onboard.reading.budget import ByteBudget
-from onboard.reading.clockmap import ClockMap
+from onboard.reading.byte_budget import ByteBudget
 from onboard.reading.dates import Dates
-from onboard.reading.health import SensorMonitor
 from onboard.reading.line_quality import Wire
 from onboard.reading.port_chain import PortChain
+from onboard.reading.sensor_health import SensorMonitor
+from onboard.reading.utc_clock import ClockMap
 
 
 def versions() -> dict[str, str]:

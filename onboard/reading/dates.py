@@ -18,7 +18,7 @@ from common.events import event
 from common.framer import Utc
 from common.messages import ClockPair, Event
 from common.units import NS_PER_S
-from onboard.reading.clockmap import TOLD_AFTER
+from onboard.reading.utc_clock import TOLD_AFTER
 
 EARLIEST_UTC_NS: Final = 1_704_067_200 * NS_PER_S
 """2024-01-01, before this program was first released: no boat that runs it can be earlier."""

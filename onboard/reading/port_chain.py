@@ -11,18 +11,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
+from common.boat_config import PortTable
 from common.events import event
 from common.framer import Measurement
 from common.messages import Event
-from common.sensors import PortTable
 from common.units import NS_PER_S
 from onboard.devices import PortDecoder, make_driver, recognised
-from onboard.devices.base import COMPANIONS, Accepted, Ignored, Outcome, Rejected
-from onboard.devices.sentence import address
-from onboard.reading.budget import ByteBudget
-from onboard.reading.health import SensorMonitor
+from onboard.devices.driver import COMPANIONS, Accepted, Ignored, Outcome, Rejected
+from onboard.devices.nmea_sentence import address
+from onboard.reading.byte_budget import ByteBudget
 from onboard.reading.line_quality import DamageWatch, Wire
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
+from onboard.reading.sensor_health import SensorMonitor
 
 DAMAGE: Final = frozenset(
     {"checksum", "not-ascii", "not-nmea", "no-checksum", "run-together", "too-long", "marks", "duplicate", "form"}

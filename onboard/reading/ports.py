@@ -21,8 +21,8 @@ from typing import Any, Final
 
 import serial
 
+from common.boat_config import PortTable
 from common.clock import BoatClock
-from common.sensors import PortTable
 
 log = logging.getLogger(__name__)
 

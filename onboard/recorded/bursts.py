@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from itertools import takewhile
 from typing import Final, NamedTuple
 
-from onboard.devices.fields import FieldFault, time_of_day_ms
-from onboard.devices.sentence import address, check_sentence
+from onboard.devices.nmea_fields import FieldFault, time_of_day_ms
+from onboard.devices.nmea_sentence import address, check_sentence
 
 TIME_FIELD: Final = {"RMC": 1, "GGA": 1, "GNS": 1, "ZDA": 1, "GLL": 5}
 """Sentences with a UTC time of day, and which field after the address it is."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from common.boat_config import BoatConfig, BoatTable, PortTable
 from common.clock import whole_us
 from common.codec import encode_frame
 from common.errors import WayfixError
@@ -21,7 +22,6 @@ from common.events import event
 from common.framer import Identity
 from common.frames_file import FILE_FORMAT, is_frames_file, write_frames_file
 from common.messages import Frame
-from common.sensors import BoatConfig, BoatTable, PortTable
 from common.settings import as_dict
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.config import byte_budget, load

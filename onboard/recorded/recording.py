@@ -1,9 +1,9 @@
 """Log parser: a serial recording as its lines, what was on the wire and what a program or person wrote around it.
 
-A line ends at CR, LF or any number of them, as for `onboard.reading.lines`; empty lines are sent with the line before
-and not counted. `#` lines at the beginning are the head of a gpsd log. In a table (CSV rows with a quoted sentence,
-tag blocks or time stamps before it) the sentence is what was sent; every other file is what was sent, whatever it
-holds.
+A line ends at CR, LF or any number of them, as for `onboard.reading.line_splitter`; empty lines are sent with the
+line before and not counted. `#` lines at the beginning are the head of a gpsd log. In a table (CSV rows with a quoted
+sentence, tag blocks or time stamps before it) the sentence is what was sent; every other file is what was sent,
+whatever it holds.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from common.errors import WayfixError
-from onboard.recorded.sentence_time import (
+from onboard.recorded.line_times import (
     Schedule,
     at_line_rate,
     on_the_wire,

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
-from common.sensors import SensorTable
+from common.boat_config import SensorTable
 from common.units import NS_PER_S
 from onboard.devices import Line
 from onboard.devices.recognise import heard_by, recognised_by_role
+from onboard.recorded.line_times import BITS_PER_BYTE
 from onboard.recorded.recording import Paced
-from onboard.recorded.sentence_time import BITS_PER_BYTE
 
 PAUSE_NS: Final = 10 * NS_PER_S
 """A longer time without lines does not count for a sensor's rate."""

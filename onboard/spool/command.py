@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+from common.atomic_file import check_target
 from common.codec import decode_frame
 from common.command import number
 from common.errors import CodecError, WayfixError
@@ -17,10 +18,9 @@ from common.frames_file import FILE_FORMAT, is_frames_file, write_frames_file
 from common.messages import Frame
 from common.settings import as_dict
 from common.units import NS_PER_S
-from common.whole_file import check_target
-from onboard.spool.examine import Examination, Finding, frames_of, is_being_written
-from onboard.spool.format import Header
-from onboard.spool.shelf import Run, Segment, Shelf, header_of, last_seq, recovered, segments_in
+from onboard.spool.segment_format import Header
+from onboard.spool.segment_index import Run, Segment, Shelf, header_of, last_seq, recovered, segments_in
+from onboard.spool.verify import Examination, Finding, frames_of, is_being_written
 
 DEFAULT_STATE: Final = "/var/lib/wayfix"
 _MOST: Final = 2**63 - 1

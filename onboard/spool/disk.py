@@ -4,7 +4,7 @@ import fcntl
 import os
 from pathlib import Path
 
-from common.whole_file import sync_directory
+from common.atomic_file import sync_directory
 
 LOCK_NAME = "lock"
 

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from common.boat_config import SpoolTable
 from common.codec import MAX_FRAME_BYTES
 from common.framer import Identity
-from common.sensors import SpoolTable
 from onboard.journal import Journal
 from onboard.spool.disk import Disk
-from onboard.spool.memory import Batch, Gathering
-from onboard.spool.shelf import Run, Shelf, read_from
-from onboard.spool.state import SpoolState
+from onboard.spool.memory_ring import Batch, Gathering
+from onboard.spool.segment_index import Run, Shelf, read_from
+from onboard.spool.shared_state import SpoolState
 from onboard.spool.writer import Writer
 
 

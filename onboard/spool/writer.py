@@ -9,10 +9,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+from common.boat_config import SpoolTable
 from common.framer import Identity
-from common.sensors import SpoolTable
 from onboard.spool.disk import Disk
-from onboard.spool.format import (
+from onboard.spool.memory_ring import Item
+from onboard.spool.segment_format import (
     END,
     RECORD_BYTES,
     SEGMENT_BYTES,
@@ -22,9 +23,8 @@ from onboard.spool.format import (
     pack_record,
     seed_of,
 )
-from onboard.spool.memory import Item
-from onboard.spool.shelf import Segment, recovered, segments_in
-from onboard.spool.state import SpoolState
+from onboard.spool.segment_index import Segment, recovered, segments_in
+from onboard.spool.shared_state import SpoolState
 
 log = logging.getLogger(__name__)
 

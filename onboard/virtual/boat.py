@@ -8,8 +8,8 @@ from typing import Any, Final
 from common.clock import BoatClock
 from common.simulation.readings import Timed
 from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
+from onboard.virtual.baud_pacing import Chunk, SerialLine, paced, portion_bytes
 from onboard.virtual.encoders import BoatEncoders
-from onboard.virtual.pacing import Chunk, SerialLine, paced, portion_bytes
 from onboard.virtual.terminal import Terminal
 
 LEAD_NS: Final = NS_PER_S // 2

@@ -137,7 +137,7 @@ def _source(args: argparse.Namespace) -> Source:
 
 def _voyage_source(args: argparse.Namespace) -> Source:
     _need_numpy()
-    from common.simulation.recording import recording_voyage
+    from common.simulation.column_recording import recording_voyage
     from common.simulation.scenarios import scenario_voyage
     from onboard.virtual.voyage import VoyageSource
 

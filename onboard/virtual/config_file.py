@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from common.sensors import BoatConfig
+from common.boat_config import BoatConfig
 from common.settings import as_dict
 from common.toml_text import toml_text
 

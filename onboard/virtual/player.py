@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from common.boat_config import BoatConfig, BoatTable, LinkTable, PortTable, SensorTable
 from common.errors import WayfixError
-from common.sensors import BoatConfig, BoatTable, LinkTable, PortTable, SensorTable
 from common.units import NS_PER_MS, NS_PER_S
+from onboard.recorded.line_times import tod_step_ms
 from onboard.recorded.recording import LAG_NS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
-from onboard.recorded.sentence_time import tod_step_ms
-from onboard.virtual.pacing import SerialLine
+from onboard.virtual.baud_pacing import SerialLine
 
 TOLD_GAP_S = 30.0
 """A longer wait is told before it begins."""

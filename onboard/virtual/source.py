@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from common.sensors import BoatConfig
-from onboard.virtual.pacing import SerialLine
+from common.boat_config import BoatConfig
+from onboard.virtual.baud_pacing import SerialLine
 
 
 class Source(Protocol):

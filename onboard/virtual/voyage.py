@@ -5,13 +5,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from common.sensors import BoatConfig
+from common.boat_config import BoatConfig
 from common.simulation.voyage import Voyage
 from common.units import NS_PER_S
+from onboard.virtual.baud_pacing import SerialLine
 from onboard.virtual.boat import LEAD_NS, PORTS, lines_of
 from onboard.virtual.encoders import ArduImuEncoder, BoatEncoders, CompassEncoder, GpsEncoder
-from onboard.virtual.files import TruthFile, boat_config
-from onboard.virtual.pacing import SerialLine
+from onboard.virtual.voyage_files import TruthFile, boat_config
 
 _HEAD: Final = """\
 for the voyage {name!r}; matches what its pseudo-terminals send.

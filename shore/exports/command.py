@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
+from common.atomic_file import check_target, whole_file
 from common.errors import WayfixError
-from common.whole_file import check_target, whole_file
+from shore.exports.first_pass import Survey, survey_of
 from shore.exports.formats import FORMATS, HEAD, Format
-from shore.exports.survey import Survey, survey_of
 from shore.exports.table import NAMES
 from shore.exports.track import RAW, ExportTrack
-from shore.logbook.read import LogReader, read_log
+from shore.logbook.log_reader import LogReader, read_log
 from shore.navigation.timeline import HORIZON_S
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
 

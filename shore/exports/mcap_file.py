@@ -16,7 +16,7 @@ from common.messages import Event
 from common.units import NS_PER_S
 from shore.exports.track import RAW, ExportTrack, Mark, Row
 from shore.logbook import foxglove
-from shore.logbook.estimates import logged
+from shore.logbook.estimate_rounding import logged
 from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, POSITIONS, TRIP, json_schema
 
 LIBRARY: Final = "wayfix-export"

@@ -8,7 +8,7 @@ import numpy as np
 from common.geodesy import LocalPlane
 from common.units import NS_PER_S
 from shore.exports.track import RAW, ExportTrack, Mark, Row
-from shore.report.trip import Happening, Points, TripPlot, draw, when
+from shore.report.trip_picture import Happening, Points, TripPlot, draw, when
 
 SHOWN: Final = 20_000
 """Rows and fixes that a picture can show; more are thinned out."""

@@ -8,8 +8,8 @@ from operator import attrgetter
 from typing import Any, Final, Protocol
 
 from common.messages import Fix, Frame, Heading
-from shore.exports.clocks import BoardClock
 from shore.exports.track import ExportTrack, Mark, Row
+from shore.exports.utc import BoardClock
 
 Values = Sequence[Any]
 TIMES: Final = ("t_s", "utc", "t_ns")

@@ -15,9 +15,9 @@ from typing import Any, Final, NamedTuple
 from common.events import is_of_station
 from common.messages import Fix, Frame
 from common.units import NS_PER_S
-from shore.exports.clocks import BoardClock
-from shore.exports.survey import SHOWN_EACH, Survey
-from shore.logbook.read import LogReader
+from shore.exports.first_pass import SHOWN_EACH, Survey
+from shore.exports.utc import BoardClock
+from shore.logbook.log_reader import LogReader
 from shore.logbook.schemas import ESTIMATES, FRAMES
 
 ORDERS: Final = ("recorded", "time")

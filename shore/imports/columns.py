@@ -9,20 +9,20 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, Final
 
+from common.boat_config import SensorTable
 from common.errors import WayfixError
 from common.framer import ImuSample, Measurement
 from common.geodesy import LocalPlane
 from common.messages import Fix, Heading, TurnRate
-from common.sensors import SensorTable
 from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns
 from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
-from shore.imports.account import Account, Rejected
+from shore.imports.csv_dialect import Table, rows_of, table_in
 from shore.imports.frames import PORT
 from shore.imports.gpsd import DAY_MS
-from shore.imports.kinds import HEAD_BYTES
-from shore.imports.plan import LATEST_NS
+from shore.imports.line_counts import Account, Rejected
 from shore.imports.reader import ForeignRecord, Sources, opened
-from shore.imports.table import Table, rows_of, table_in
+from shore.imports.recognise import HEAD_BYTES
+from shore.imports.record_times import LATEST_NS
 from shore.imports.values import direction_deg, in_range
 
 Row = dict[str, str]

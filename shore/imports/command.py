@@ -5,12 +5,12 @@ import os
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from common.atomic_file import check_target
 from common.errors import WayfixError
 from common.units import NS_PER_S
-from common.whole_file import check_target
-from shore.imports.kinds import RecordingKind, recognise
+from shore.imports.log_maker import Written
+from shore.imports.recognise import RecordingKind, recognise
 from shore.imports.run import ImportOptions, Job, imported
-from shore.imports.write import Written
 from shore.logbook.session import trip_record
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
 

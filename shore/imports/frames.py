@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any, Final, NamedTuple
 
+from common.boat_config import BoatConfig, BoatTable, FramesTable, PortTable, SensorTable
 from common.events import event
 from common.framer import Framer, Identity, ImuSample, Measurement, Utc
 from common.messages import SCHEMA_VERSION, Frame
-from common.sensors import BoatConfig, BoatTable, FramesTable, PortTable, SensorTable
 from common.settings import as_dict
 from common.units import NS_PER_S
-from shore.imports.plan import JUMP_NS
+from shore.imports.record_times import JUMP_NS
 
 EMPTY_NS: Final = 60 * NS_PER_S
 """So long a silence is told in empty frames; after that the grid has a hole, as in `wayfix-onboard convert`."""

@@ -8,12 +8,12 @@ import json
 from collections.abc import Iterator
 from typing import Any, Final
 
+from common.boat_config import BoatTable, SensorTable
 from common.framer import ImuSample, Measurement
 from common.messages import Attitude, Fix, Heading, TurnRate
-from common.sensors import BoatTable, SensorTable
 from common.units import M_S_PER_KN, NS_PER_MS
-from shore.imports.account import Account, Rejected
 from shore.imports.frames import PORT
+from shore.imports.line_counts import Account, Rejected
 from shore.imports.reader import ForeignRecord, Lines, Sources
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
+from common.boat_config import IMU_AXES, BoatTable, SensorTable
 from common.errors import WayfixError
 from common.framer import Measurement
-from common.sensors import IMU_AXES, BoatTable, SensorTable
-from shore.imports.account import Account
+from shore.imports.line_counts import Account
 
 
 class ForeignRecord(NamedTuple):

@@ -9,24 +9,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame, encode_frame
 from common.errors import CodecError, WayfixError
 from common.frames_file import FramesFile
 from common.messages import Frame
-from common.sensors import BoatConfig
 from common.settings import read_toml
 from common.units import NS_PER_MS, NS_PER_S
 from shore.imports import frames as cut
 from shore.imports import serial_port
-from shore.imports.account import Account
 from shore.imports.column_map import read_column_map
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
-from shore.imports.kinds import RecordingKind
-from shore.imports.plan import NO_TIME, Plan
+from shore.imports.line_counts import Account
+from shore.imports.log_maker import LogMaker, Written, utc_offset_ns
 from shore.imports.reader import Lines, RecordingReader, digest_of
+from shore.imports.recognise import RecordingKind
+from shore.imports.record_times import NO_TIME, Plan
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
-from shore.imports.write import LogMaker, Written, utc_offset_ns
 from shore.terminal import say
 
 PACE_HZ: Final = 1.0

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from common.errors import WayfixError
-from shore.imports.account import Account, Rejected
-from shore.imports.kinds import SERVER_LINE
+from shore.imports.line_counts import Account, Rejected
 from shore.imports.reader import Lines
+from shore.imports.recognise import SERVER_LINE
 from shore.imports.signalk import stamp_ns
 
 

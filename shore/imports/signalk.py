@@ -12,16 +12,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
+from common.boat_config import BoatTable, SensorTable
 from common.errors import WayfixError
 from common.framer import Measurement
 from common.messages import Attitude, Fix, Heading, TurnRate
-from common.sensors import BoatTable, SensorTable
 from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
-from shore.imports.account import Account, Rejected
 from shore.imports.frames import PORT
 from shore.imports.gpsd import DAY_MS, LARGEST
-from shore.imports.kinds import SERVER_LINE
+from shore.imports.line_counts import Account, Rejected
 from shore.imports.reader import ForeignRecord, Lines, Sources
+from shore.imports.recognise import SERVER_LINE
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of, within_life
 
 DEG: Final = 180.0 / math.pi

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.errors import WayfixError
-from common.simulation.assumed import BIAS_ACCEL_M_S2, BIAS_YAW_RATE_DEG_S, Assumed
+from common.simulation.filter_tuning import BIAS_ACCEL_M_S2, BIAS_YAW_RATE_DEG_S, Assumed
 from common.simulation.manoeuvres import Manoeuvres
 from common.simulation.runs import Runs
 from common.simulation.scenario import Scenario
@@ -24,8 +24,8 @@ from shore.lab.methods import METHODS, ORACLE, Method, Stepped
 from shore.lab.statistics import CHANNELS, STATES, nees, spans, squared_errors
 from shore.navigation.filters import Filter, FilterFacts, FilterState
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import FIVE, Extra, ImuInput, ProcessNoise, StateSpace
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.motion_model import FIVE, Extra, ImuInput, ProcessNoise, StateSpace
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, Number
 
 Profile = Literal["stated", "compat"]

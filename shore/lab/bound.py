@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from common.simulation.runs import Runs
-from shore.navigation.models import EAST, HEADING, NORTH, V_EAST
+from shore.navigation.motion_model import EAST, HEADING, NORTH, V_EAST
 from shore.navigation.numbers import Array
 
 _UNITS: Final = np.array([1.0, 1.0, np.degrees(1.0) ** 2])

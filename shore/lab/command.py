@@ -15,8 +15,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from common.errors import WayfixError
 from common.simulation.scenarios import find_scenario
 from shore.lab import tables
-from shore.lab.campaign import Campaign, Result, run_tasks
 from shore.lab.methods import check_methods
+from shore.lab.parallel_runs import Campaign, Result, run_tasks
 from shore.lab.scores import as_json
 
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from common.errors import WayfixError
 from shore.lab.batch import RunTrack
-from shore.lab.campaign import RAW, Result
+from shore.lab.parallel_runs import RAW, Result
 from shore.lab.statistics import running_rms, squared_errors, window_variance
-from shore.navigation.models import HEADING
+from shore.navigation.motion_model import HEADING
 from shore.navigation.numbers import Array, wrapped
-from shore.report.tracks import STYLES
+from shore.report.run_picture import STYLES
 
 WINDOW: Final = 30
 """N of Eq. 5.24 for the actual R."""

@@ -15,8 +15,8 @@ from common.errors import WayfixError
 from shore.navigation.filters import REGISTRY, FilterFacts, FilterState, build_filter
 from shore.navigation.kalman import prior_variance
 from shore.navigation.measurements import Measurement, TrueHeading
-from shore.navigation.models import FIVE, HEADING, ImuInput
-from shore.navigation.noise.adaptation import ChannelNoise
+from shore.navigation.motion_model import FIVE, HEADING, ImuInput
+from shore.navigation.noise.noise_rule import ChannelNoise
 from shore.navigation.numbers import Array, Number, square
 
 ORACLE: Final = "oracle"

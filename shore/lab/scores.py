@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from shore.lab.batch import Outcome
-from shore.lab.campaign import RAW, Result
 from shore.lab.methods import METHODS
-from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
+from shore.lab.parallel_runs import RAW, Result
 from shore.lab.statistics import COMPONENTS, IntervalEstimate, mean_of, oddness, ratio_of
+from shore.lab.thesis_published import PUBLISHED, RAW_AFTER_CHANGE
 from shore.navigation.numbers import Array
 
 WHOLE: Final = "whole"

@@ -7,11 +7,11 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 
 from common.simulation.scenarios import SCENARIOS
-from shore.lab.campaign import RAW, Result
 from shore.lab.methods import METHODS
-from shore.lab.published import PUBLISHED, RAW_AFTER_CHANGE
+from shore.lab.parallel_runs import RAW, Result
 from shore.lab.scores import LEAST_RUNS_FOR_Z, WHOLE, bound_of, comparisons, score
 from shore.lab.statistics import IntervalEstimate
+from shore.lab.thesis_published import PUBLISHED, RAW_AFTER_CHANGE
 
 LEAST_WIDTH = 170
 """Characters, where the output is no terminal."""

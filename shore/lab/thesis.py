@@ -12,16 +12,16 @@ import numpy as np
 
 from common.simulation.scenario import Scenario
 from common.simulation.scenarios import SCENARIOS
-from shore.lab import page
+from shore.lab import html_page as page
 from shore.lab.batch import Profile
-from shore.lab.campaign import RAW, Campaign, Result
-from shore.lab.checks import CHAPTER_4, CHAPTER_5, Results, checks
 from shore.lab.figures import pictures
 from shore.lab.methods import ORACLE
-from shore.lab.published import PUBLISHED, US_PER_STEP
-from shore.lab.readings import READINGS
+from shore.lab.parallel_runs import RAW, Campaign, Result
 from shore.lab.scores import WHOLE, as_json, bound_of, claimed_sigma, comparisons, score
 from shore.lab.tables import bound_remarks, half_width, plain, row_name
+from shore.lab.thesis_checks import CHAPTER_4, CHAPTER_5, Results, checks
+from shore.lab.thesis_published import PUBLISHED, US_PER_STEP
+from shore.lab.thesis_readings import READINGS
 from shore.navigation.filters import REGISTRY
 
 COMPARED: Final = (*REGISTRY, ORACLE)

@@ -15,7 +15,7 @@ from common.units import NS_PER_S
 from shore.terminal import say
 
 if TYPE_CHECKING:
-    from shore.link.finding import Candidate
+    from shore.link.discovery import Candidate
     from shore.link.known_boats import Boat, Boats
     from shore.link.link import Link
 
@@ -103,7 +103,7 @@ def looker(boat: "Boat", boats: "Boats") -> Callable[[], str]:
 
 def _look(known: "list[Boat]", boats: "Boats") -> "tuple[Candidate, Boat | None]":
     """Where one of these boats is, and which (none known: any open one); raises LinkError."""
-    from shore.link.finding import find
+    from shore.link.discovery import find
 
     met: dict[str, Boat | None] = {}
 

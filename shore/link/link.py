@@ -11,14 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from common import session
+from common import link_messages as session
 from common.clock import boottime_ns
+from common.clock_offset import ClockOffset
 from common.errors import CodecError, LinkError, NoAnswerError, WayfixError
+from common.link_messages import BoundedRun, FrameRange, Lease
 from common.messages import SCHEMA_VERSION
-from common.offset import ClockOffset
-from common.session import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_S
-from shore.link.machine import RETRY_NS, LinkMachine, LinkState
+from shore.link.session_state import RETRY_NS, LinkMachine, LinkState
 from shore.link.transport import MAX_MESSAGE_BYTES, HandshakeFault, LinkKeys, Transport
 from shore.link.zmq_transport import ZmqTransport
 

@@ -5,7 +5,7 @@ from typing import Final
 import zmq
 from zmq.utils.monitor import parse_monitor_message
 
-from common import session
+from common import link_messages as session
 from common.errors import LinkError
 from shore.link.transport import MAX_MESSAGE_BYTES, HandshakeFault, LinkKeys
 

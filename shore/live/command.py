@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from common.command import number
 from common.errors import LinkError, NoAnswerError, WayfixError
-from common.session import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
+from common.link_messages import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
 from shore.link.choose_boat import Seeker, add_meeting_arguments, link_to, looker, meet
 from shore.logbook.trip_arguments import add_trip_arguments
 from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say

@@ -11,12 +11,12 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Final
 
+from common.atomic_file import part_of
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
-from common.whole_file import part_of
-from shore.link.ledger import Ledger, StartLedger
+from shore.link.frame_ledger import Ledger, StartLedger
 from shore.logbook.lock import is_being_written, lock
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from shore.logbook.schemas import FRAMES
 
 FORM: Final = 1

@@ -6,7 +6,7 @@ from typing import Any
 
 from common.errors import WayfixError
 from shore.live.cursor import Cursor
-from shore.logbook.recorder import LogRecorder
+from shore.logbook.background_writer import LogRecorder
 from shore.watchers.log import LogWatcher
 from shore.watchers.watcher import SourceState, Start
 

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from common.boat_config import BoatConfig
 from common.clock import boottime_ns
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from common.events import event
+from common.link_messages import BoundedRun
 from common.messages import Event
-from common.sensors import BoatConfig
-from common.session import BoundedRun
 from common.settings import convert
 from common.units import NS_PER_MS, NS_PER_S
 from shore.link.choose_boat import Seeker
-from shore.link.ledger import Ledger
+from shore.link.frame_ledger import Ledger
 from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
 from shore.live.cursor import Cursor
 from shore.live.link_loss import LinkLoss

@@ -89,7 +89,7 @@ def log_record(event: Event, utc_ns: int) -> dict[str, Any]:
 
 
 def event_of(record: dict[str, Any]) -> dict[str, Any]:
-    """The fields of the `Event` in a sound record of `/events` (`record_forms.py`), of this form or the first."""
+    """The fields of the `Event` in a sound record of `/events` (`record_checks.py`), of this form or the first."""
     evidence = record.get("evidence") or {}
     if "message" not in record:
         return {name: record[name] for name in ("t_ns", "source", "code", "level", "text")} | {"evidence": evidence}

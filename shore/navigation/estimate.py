@@ -15,7 +15,7 @@ from common.messages import Frame
 from common.units import M_S_PER_KN
 from shore.navigation.filters import FilterState
 from shore.navigation.measurements import is_angle
-from shore.navigation.models import EAST, HEADING, NORTH, V_EAST, V_NORTH
+from shore.navigation.motion_model import EAST, HEADING, NORTH, V_EAST, V_NORTH
 from shore.navigation.numbers import Number
 
 

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
+from common.boat_config import ROLES, BoatConfig, SensorTable
 from common.errors import WayfixError
-from common.sensors import ROLES, BoatConfig, SensorTable
-from shore.navigation.imu import driving_sensor
+from shore.navigation.imu_track import driving_sensor
 from shore.navigation.judge import Evidence, Judge
 from shore.navigation.kalman import (
     Predicted,
@@ -24,7 +24,7 @@ from shore.navigation.kalman import (
     update_scalar,
 )
 from shore.navigation.measurements import Lever, Measurement, PseudoMeasurement, Scalar, is_angle
-from shore.navigation.models import (
+from shore.navigation.motion_model import (
     FIVE,
     FREE_NOISE,
     Extra,
@@ -34,7 +34,7 @@ from shore.navigation.models import (
     StateSpace,
     with_trim,
 )
-from shore.navigation.noise.adaptation import Channel, ChannelNoise, NoiseRule
+from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.rules import NOISE_RULES
 from shore.navigation.numbers import Array, Number, larger
 from shore.navigation.restart import Assumed, Opening, Operation, Passed

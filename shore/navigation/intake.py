@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import Final
 
+from common.boat_config import BoatConfig
 from common.geodesy import LocalPlane
 from common.messages import Event, Frame
-from common.sensors import BoatConfig
-from shore.navigation.bank import Batch
-from shore.navigation.imu import ImuTrack, blocks_of, driving_sensor
+from shore.navigation.filter_bank import Batch
+from shore.navigation.imu_track import ImuTrack, blocks_of, driving_sensor
 from shore.navigation.measurements import Reader
 
 FAR_FIXES: Final = 10

@@ -8,7 +8,7 @@ judges of two states; it must not be reported while it judges, for a rewind may 
 
 from typing import NamedTuple, Protocol
 
-from shore.navigation.models import Gaussian
+from shore.navigation.motion_model import Gaussian
 from shore.navigation.numbers import Number
 
 

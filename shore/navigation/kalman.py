@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shore.navigation.models import (
+from shore.navigation.motion_model import (
     HEADING,
     V_NORTH,
     Gaussian,

@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final, NamedTuple, Protocol
 
 from common.angles import heading_rad
+from common.boat_config import BoatConfig
 from common.events import event
 from common.geodesy import LocalPlane
 from common.messages import Event, Fix, Frame, Heading
-from common.sensors import BoatConfig
 from common.units import M_S_PER_KN
 from shore.navigation.kalman import Row
-from shore.navigation.models import EAST, HEADING, NORTH, StateSpace, body_to_plane
+from shore.navigation.magnetic_variation import Variation
+from shore.navigation.motion_model import EAST, HEADING, NORTH, StateSpace, body_to_plane
 from shore.navigation.numbers import Array, Number, part, wrapped
-from shore.navigation.variation import Variation
 
 FARTHEST_M: Final = 20_000.0
 """A fix beyond this distance from the origin is not used."""

@@ -6,17 +6,17 @@ frame -> Intake (corrected measurements) -> Timeline or Synchronous (order) -> B
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from common.boat_config import BoatConfig
 from common.messages import Event, Frame
-from common.sensors import BoatConfig
 from common.units import NS_PER_S
 from shore.navigation.alignment import Alignment, before_start
-from shore.navigation.bank import Bank, Moment
 from shore.navigation.estimate import Estimate, estimate_of
+from shore.navigation.filter_bank import Bank, Moment
 from shore.navigation.filters import build_filter, facts_of
+from shore.navigation.fixed_steps import Synchronous
 from shore.navigation.intake import FAR_FIXES, Intake
 from shore.navigation.measurements import FARTHEST_M
 from shore.navigation.notices import Notices
-from shore.navigation.synchronous import Synchronous
 from shore.navigation.timeline import AHEAD_S, HORIZON_S, Timeline
 
 WAITING_AFTER_NS: Final = 5 * NS_PER_S

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 from shore.navigation.measurements import Measurement, PseudoMeasurement
-from shore.navigation.models import ImuInput
+from shore.navigation.motion_model import ImuInput
 from shore.navigation.numbers import Array
 
 FIRST_DUE: Final = 2

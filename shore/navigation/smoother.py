@@ -20,7 +20,7 @@ import numpy as np
 
 from shore.navigation.filters import FilterFacts, FilterState, build_filter
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
-from shore.navigation.models import Gaussian
+from shore.navigation.motion_model import Gaussian
 from shore.navigation.numbers import Array, clip, part
 
 

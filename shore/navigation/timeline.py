@@ -12,10 +12,10 @@ from sys import maxsize
 from typing import Final
 
 from common.units import NS_PER_S
-from shore.navigation.bank import Bank, Batch, Moment
-from shore.navigation.imu import ImuTrack, TimeStep, split
+from shore.navigation.filter_bank import Bank, Batch, Moment
+from shore.navigation.imu_track import ImuTrack, TimeStep, split
 from shore.navigation.measurements import Measurement
-from shore.navigation.models import ImuInput
+from shore.navigation.motion_model import ImuInput
 
 HORIZON_S: Final = 5.0
 """What is older than this, against the newest boat time seen, is counted and not fused."""

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
-from shore.navigation.models import Gaussian, ImuInput, ProcessNoise, middle_heading, move, process_noise
+from shore.navigation.motion_model import Gaussian, ImuInput, ProcessNoise, middle_heading, move, process_noise
 from shore.navigation.numbers import Array, product
 
 ALPHA: Final = 1.0

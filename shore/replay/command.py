@@ -72,7 +72,7 @@ def span_of(arguments: argparse.Namespace) -> "Span":
 
 def run(arguments: argparse.Namespace) -> int:
     """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
-    from common.whole_file import check_target
+    from common.atomic_file import check_target
     from shore.replay.run import Replay
     from shore.report.score import consistency_table, score_table
 

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from common.events import is_of_station
 from common.units import NS_PER_S
-from shore.logbook.estimates import digest_of, logged
-from shore.logbook.read import LogRecord
+from shore.logbook.estimate_rounding import digest_of, logged
+from shore.logbook.log_reader import LogRecord
 from shore.logbook.schemas import ESTIMATES
 from shore.watchers.watcher import Step
 

@@ -8,17 +8,17 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from common.boat_config import BoatConfig
 from common.boat_start import BoatStart
 from common.codec import decode_frame
 from common.errors import WayfixError
 from common.messages import Frame
-from common.sensors import BoatConfig
 from common.settings import convert
 from common.units import NS_PER_S
-from shore.logbook.read import LogReader, LogRecord
+from shore.logbook.log_reader import LogReader, LogRecord
 from shore.logbook.schemas import FRAMES, SESSION
 from shore.navigation.timeline import HORIZON_NS
-from shore.replay.boat_order import FramesByTime
+from shore.replay.boat_time_order import FramesByTime
 from shore.watchers.watcher import Arrival, RunSeconds, Start
 
 ORDERS: Final = ("arrival", "time")

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from common.events import is_of_station
-from shore.logbook.census import Census
 from shore.logbook.foxglove import event_of
-from shore.logbook.read import LogRecord, read_log
+from shore.logbook.log_reader import LogRecord, read_log
+from shore.logbook.missing_frames import Census
 from shore.logbook.schemas import ESTIMATES, EVENTS, LINK, SESSION
 from shore.logbook.session import start_record
 from shore.navigation.estimate import Estimate

@@ -12,13 +12,13 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final
 
+from common.atomic_file import whole_file
+from common.boat_config import BoatConfig
 from common.errors import WayfixError
 from common.messages import Frame
-from common.sensors import BoatConfig
 from common.units import NS_PER_S
-from common.whole_file import whole_file
-from shore.navigation.bank import Bank
 from shore.navigation.estimate import Estimate, estimate_of
+from shore.navigation.filter_bank import Bank
 from shore.navigation.filters import FilterState, facts_of
 from shore.navigation.intake import Intake
 from shore.navigation.smoother import Smoother

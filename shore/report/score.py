@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.angles import difference_deg, heading_deg
+from common.boat_config import BoatConfig
 from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.messages import Frame
-from common.sensors import BoatConfig
 from common.units import NS_PER_S
 from shore.navigation.measurements import Reader, TrueHeading
 

@@ -56,8 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_trip_arguments(name)
     _finish(name, "name")
 
-    if find_spec("shore.trips.case") is not None:
-        from shore.trips.case import add_arguments as add_case
+    if find_spec("shore.trips.golden_case") is not None:
+        from shore.trips.golden_case import add_arguments as add_case
 
         case = commands.add_parser("case", help="make a regression case of it", description=CASE)
         add_case(case)

@@ -13,7 +13,7 @@ from shore.logbook.mcap.damage import iso
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.session import trip_record
 from shore.terminal import every_end_is_ctrl_c, finish, say, tell
-from shore.trips import screens
+from shore.trips import tables as screens
 from shore.trips.examine import Examination, examine
 from shore.trips.listing import logs_in, newest_first, trip_of
 from shore.trips.recover import Rewritten, name_log, recover
@@ -103,7 +103,7 @@ def run_name(arguments: argparse.Namespace) -> int:
 
 def run_case(arguments: argparse.Namespace) -> int:
     """Make a regression case of a log."""
-    from shore.trips import case
+    from shore.trips import golden_case as case
 
     return case.run(arguments)
 

@@ -11,12 +11,12 @@ from typing import Any, Final
 from mcap.records import Metadata
 
 from common.messages import Fix
-from shore.logbook.census import Census, MissingFrames, light_frame
 from shore.logbook.foxglove import event_of
+from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.mcap.walk import Item
-from shore.logbook.read import LogReader
-from shore.logbook.record_forms import content_of
+from shore.logbook.missing_frames import Census, MissingFrames, light_frame
+from shore.logbook.record_checks import content_of
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION, TRIP
 from shore.logbook.summary import KEPT, TripSummary
 

@@ -12,7 +12,9 @@ from mcap.opcode import Opcode
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from shore.logbook.lock import is_being_written
+from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.damage import iso
+from shore.logbook.mcap.index_at_end import Tail, tail_of
 from shore.logbook.mcap.records import (
     HEAD,
     LIMIT,
@@ -26,8 +28,6 @@ from shore.logbook.mcap.records import (
     unpacked,
 )
 from shore.logbook.mcap.scan import Scan
-from shore.logbook.mcap.tail import Tail, tail_of
-from shore.logbook.read import LogReader
 from shore.logbook.schemas import SESSION, TRIP
 from shore.trips.examine import examine, from_metadata
 

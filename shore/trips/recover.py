@@ -18,13 +18,13 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from common.atomic_file import check_target, part_of, whole_file
 from common.errors import WayfixError
-from common.whole_file import check_target, part_of, whole_file
 from shore.logbook.lock import is_being_written
+from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.records import Message
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.mcap.walk import Item
-from shore.logbook.read import LogReader
 from shore.logbook.schemas import SESSION, TRIP, json_schema
 from shore.trips.examine import Examination, as_metadata, examine
 

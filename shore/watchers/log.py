@@ -7,7 +7,7 @@ from typing import Any, Self
 
 from common.messages import Event
 from shore.logbook.foxglove import event_of
-from shore.logbook.record import LogWriter, log_at
+from shore.logbook.log_writer import LogWriter, log_at
 from shore.logbook.schemas import EVENTS, LINK, SESSION
 from shore.watchers.watcher import Start, Step, Watcher
 

@@ -2,9 +2,9 @@
 
 from typing import Final, NamedTuple, TypeVar
 
+from common.boat_config import BoatConfig, stale_after_s
 from common.boat_start import BoatStart
 from common.messages import Fix, Frame, Heading
-from common.sensors import BoatConfig, stale_after_s
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Output

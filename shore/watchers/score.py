@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from shore.logbook.estimates import logged
+from shore.logbook.estimate_rounding import logged
 from shore.report.score import Consistency, Score, read_reference
 from shore.watchers.watcher import Step, Watcher
 

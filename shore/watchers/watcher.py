@@ -9,8 +9,8 @@ watchers, which know nothing of each other or of the source. They are called in 
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
+from common.boat_config import BoatConfig
 from common.messages import Event, Frame
-from common.sensors import BoatConfig
 from common.units import NS_PER_S
 from shore.pipeline import Output
 

@@ -5,9 +5,9 @@ from operator import xor
 
 import pytest
 
+from common.boat_config import SensorTable
 from common.framer import Measurement
 from common.messages import ClockPair, Fix, Heading
-from common.sensors import SensorTable
 from onboard.devices import Accepted, Line, Outcome
 from tests.recordings import SHARED_DATA as DATA
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.boat_config import SensorTable
 from common.messages import AisLine
-from common.sensors import SensorTable
 from onboard.devices import Accepted, Driver, Ignored, PortDecoder, Rejected, make_driver
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import MS, line, measured, recording, sealed
 
 ONE = b"!AIVDM,1,1,,A,13RlIW?04F1beOVEFLB9bRvH0L0L,0*6C"

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from common.boat_config import SensorTable
 from common.messages import TurnRate
-from common.sensors import SensorTable
 from onboard.devices import Accepted, Line, Outcome, Rejected, make_driver
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import line, measured
 
 SKETCH = Path(__file__).parents[2] / "deploy" / "arduino" / "tinkerkit_gyro"

@@ -2,7 +2,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.units import NS_PER_S
-from onboard.reading.budget import ByteBudget
+from onboard.reading.byte_budget import ByteBudget
 
 
 def test_a_burst_of_one_second_passes_and_the_surplus_does_not() -> None:

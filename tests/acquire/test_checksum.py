@@ -6,7 +6,7 @@ from operator import xor
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.devices.sentence import LONGEST_SENTENCE, checksum
+from onboard.devices.nmea_sentence import LONGEST_SENTENCE, checksum
 
 
 @given(st.binary(max_size=LONGEST_SENTENCE))

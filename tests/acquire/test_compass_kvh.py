@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from common.messages import Heading
 from onboard.devices import Accepted, Line, Rejected, make_driver
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import MS, compass, heading, line, sealed
 
 

@@ -11,7 +11,7 @@ EXAMPLE = Path(__file__).parents[2] / "deploy" / "examples" / "boat.toml"
 def test_the_example_is_right_and_explains_every_key() -> None:
     from dataclasses import fields
 
-    from common.sensors import BoatTable, FramesTable, LinkTable, PortTable, SensorTable
+    from common.boat_config import BoatTable, FramesTable, LinkTable, PortTable, SensorTable
 
     load(EXAMPLE)
     text = EXAMPLE.read_text(encoding="utf-8")

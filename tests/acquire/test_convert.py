@@ -12,11 +12,11 @@ import msgpack
 import pytest
 from hypothesis import given
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from common.frames_file import FramesFile, is_frames_file, write_frames_file
 from common.messages import Fix, Frame
-from common.sensors import BoatConfig
 from common.settings import convert as as_config
 from common.units import NS_PER_S
 from onboard.main import main

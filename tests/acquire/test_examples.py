@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from common.sensors import stale_after_s
+from common.boat_config import stale_after_s
 from onboard.config import load
 from onboard.devices.registry import MODELS
 

@@ -8,9 +8,9 @@ import re
 from collections import Counter
 from fractions import Fraction
 
+from common.boat_config import SensorTable
 from common.framer import Measurement
 from common.messages import AisLine, RadarTarget, RawLine, TurnRate
-from common.sensors import SensorTable
 from onboard.devices import Accepted, Ignored, PortDecoder, Rejected, make_driver
 from tests.acquire.mutations import exact, has_right_checksum, mutate, same, same_angle, time_of_day
 from tests.acquire.sentences import ARDUIMU, compass, gps, imu, line, sealed

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from common.framer import Measurement
 from common.messages import ClockPair, Fix, RawLine
 from onboard.devices import Accepted, Ignored, Line, Rejected, make_driver
-from onboard.devices.fields import DAY_MS
-from onboard.reading.lines import LineSplitter
+from onboard.devices.nmea_fields import DAY_MS
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import GGA, GSA, MS, RMC, S, fixes, gps, line, measured, pairs, sealed
 
 

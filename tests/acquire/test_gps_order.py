@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from common.messages import Fix
 from onboard.devices import PortDecoder, make_driver
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import MS, S, compass, fixes, gps, measured, sealed
 
 FOREIGN = ["IIMWV,45.0,R,12.5,N,A", "IIVHW,,T,,M,5.1,N,,K", "SDDBT,7.7,f,2.3,M,1.3,F", "IIMTW,17.9,C"]

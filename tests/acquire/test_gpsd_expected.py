@@ -42,7 +42,7 @@ from common.framer import Measurement
 from common.messages import Attitude, Fix, Heading, TurnRate
 from common.units import NS_PER_S
 from onboard.devices import Accepted, Line, PortDecoder, make_driver
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import MS, compass, gps, sealed
 from tests.recordings import SHARED_DATA
 

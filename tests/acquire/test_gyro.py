@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.boat_config import SensorTable
 from common.messages import TurnRate
-from common.sensors import SensorTable
 from onboard.devices import Accepted, Ignored, PortDecoder, Rejected, make_driver
 from tests.acquire.sentences import GGA, MS, line, measured, sealed
 

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.boat_config import SensorTable
 from common.messages import SENSOR_STATES, SensorHealth
-from common.sensors import SensorTable
 from common.units import NS_PER_S
-from onboard.reading.health import SensorMonitor
 from onboard.reading.line_quality import DamageWatch, Wire
+from onboard.reading.sensor_health import SensorMonitor
 
 
 def monitor(role: str = "compass", **more: object) -> SensorMonitor:

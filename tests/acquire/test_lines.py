@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.reading.lines import LONGEST_LINE, SLOWEST_LINE_NS, LineSplitter
+from onboard.reading.line_splitter import LONGEST_LINE, SLOWEST_LINE_NS, LineSplitter
 
 streams = st.lists(
     st.sampled_from([b"\r", b"\n", b"\r\n", b"$GP", b"x", b"\xff", b"a" * 200, b"b" * 513]), max_size=30

@@ -4,12 +4,12 @@ from datetime import date
 
 import pytest
 
-from onboard.devices import nmea
+from onboard.devices import nmea_parser as nmea
 from onboard.devices.compass import sentences as compass_sentences
-from onboard.devices.fields import Position
 from onboard.devices.gps import sentences as gps_sentences
 from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Zda
-from onboard.devices.sentence import Sentence, address, check_sentence
+from onboard.devices.nmea_fields import Position
+from onboard.devices.nmea_sentence import Sentence, address, check_sentence
 from tests.acquire.sentences import GGA, GSA, RMC, sealed
 
 FORMS: dict[str, nmea.Form[object]] = {**gps_sentences.FORMS, **compass_sentences.NMEA}

@@ -1,14 +1,14 @@
 from dataclasses import dataclass, field
 
+from common.boat_config import PortTable, SensorTable
 from common.events import event
 from common.framer import Measurement
 from common.messages import Event, Heading
-from common.sensors import PortTable, SensorTable
 from common.units import NS_PER_S
-from onboard.reading.budget import ByteBudget
-from onboard.reading.health import SensorMonitor
+from onboard.reading.byte_budget import ByteBudget
 from onboard.reading.line_quality import Wire
 from onboard.reading.port_chain import PortChain
+from onboard.reading.sensor_health import SensorMonitor
 
 HEADING = b"$HCHDG,101.1,,,,*43\r\n"
 

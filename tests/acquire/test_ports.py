@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
+from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.clock import BoatClock
 from common.framer import Identity
 from common.messages import Event
-from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
 from onboard.reading.acquisition import Acquisition
 from onboard.reading.ports import Port, reason_of

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.boat_config import SensorTable
 from common.messages import RadarTarget, RawLine
-from common.sensors import SensorTable
 from onboard.devices import Accepted, Driver, PortDecoder, Rejected, make_driver
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import GGA, MS, line, measured, recording, sealed
 
 MOVING = b"$RATTM,01,0.52,247.9,T,11.3,235.8,T,0.11,-2.7,N,1 (Broadband 4G - 2782 B),T,,135647,M*6E"

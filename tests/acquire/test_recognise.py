@@ -1,4 +1,4 @@
-from common.sensors import SensorTable
+from common.boat_config import SensorTable
 from onboard.devices import MODELS, Line
 from onboard.devices.recognise import accepted_by_model, heard_by, recognised, recognised_by_role
 

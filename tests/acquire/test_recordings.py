@@ -17,7 +17,7 @@ import pytest
 
 from common.messages import Fix
 from onboard.devices import Accepted, Ignored, Line, PortDecoder, Rejected, make_driver
-from onboard.reading.lines import LineSplitter
+from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import MS, compass, fixes, gps, recording, sealed
 
 RECEIVER = ("GGA", "GNS", "RMC", "GLL", "VTG", "GSA", "ZDA")

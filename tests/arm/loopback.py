@@ -27,7 +27,7 @@ from typing import Any
 
 import zmq
 
-from common import session
+from common import link_messages as session
 from common.codec import decode_frame, encode_frame
 from common.keys import KeyPair, new_keys
 from common.messages import SCHEMA_VERSION, Fix, Frame

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from common.boat_config import BoatConfig
 from common.codec import encode_frame
 from common.framer import merge
 from common.messages import Frame
-from common.sensors import BoatConfig
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
-from shore.logbook.record import log_at
+from shore.logbook.log_writer import log_at
 from shore.replay.frames import Span
-from shore.trips.case import EVERY_S, LOG, Case, write_case
+from shore.trips.golden_case import EVERY_S, LOG, Case, write_case
 from tests.offline import config_of, frames_of
 
 HERE = Path(__file__).parent

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from shore.trips.case import CASE, differences, read_case, write_expected
+from shore.trips.golden_case import CASE, differences, read_case, write_expected
 
 HERE = Path(__file__).parent
 

@@ -7,10 +7,10 @@ import pytest
 from common.simulation.scenario import Scenario, with_bias
 from common.simulation.scenarios import find_scenario
 from shore.lab.batch import Profile
-from shore.lab.campaign import Campaign, Result, run_tasks
-from shore.lab.checks import checks
+from shore.lab.parallel_runs import Campaign, Result, run_tasks
 from shore.lab.scores import WHOLE, score
 from shore.lab.thesis import campaigns
+from shore.lab.thesis_checks import checks
 
 pytestmark = pytest.mark.slow
 

@@ -14,8 +14,8 @@ from shore.lab.batch import Profile, Setting, drive, run_method
 from shore.lab.methods import METHODS, ORACLE, IntervalKalman, check_methods
 from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import TrueHeading
-from shore.navigation.models import Extra, ImuInput, ProcessNoise, StateSpace
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.motion_model import Extra, ImuInput, ProcessNoise, StateSpace
+from shore.navigation.noise.noise_rule import Channel
 
 
 def setting(name: str, runs: int, profile: Profile = "stated", *, biased: bool = False) -> Setting:

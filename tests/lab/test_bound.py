@@ -10,7 +10,7 @@ from common.simulation.scenario import with_bias
 from common.simulation.scenarios import find_scenario
 from shore.lab.batch import EIGHT, Setting
 from shore.lab.bound import _derivatives, posterior_bound
-from shore.navigation.models import ImuInput, move
+from shore.navigation.motion_model import ImuInput, move
 
 
 def runs_of(name: str) -> Runs:

@@ -18,14 +18,14 @@ from rich.console import Console
 from common.simulation.scenarios import find_scenario
 from shore.lab.arguments import DEFAULT_FILTERS
 from shore.lab.batch import Outcome, Setting, raw_outcome
-from shore.lab.campaign import Campaign, Result, run_tasks
-from shore.lab.checks import CHAPTER_4, CHAPTER_5
 from shore.lab.figures import Picture
 from shore.lab.methods import METHODS
-from shore.lab.published import PUBLISHED
+from shore.lab.parallel_runs import Campaign, Result, run_tasks
 from shore.lab.scores import as_json, bound_of, comparisons, score
 from shore.lab.statistics import COMPONENTS
 from shore.lab.tables import LEAST_WIDTH, tables_of
+from shore.lab.thesis_checks import CHAPTER_4, CHAPTER_5
+from shore.lab.thesis_published import PUBLISHED
 from shore.main import main
 
 
@@ -39,7 +39,7 @@ def without_times(results: list[Result]) -> str:
 
 
 def test_the_figures_do_not_depend_on_the_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shore.lab.campaign.CHUNK", 3)
+    monkeypatch.setattr("shore.lab.parallel_runs.CHUNK", 3)
     alone = run(["4.2"], ["fuzzy", "kf"], 8)
     together = run(["4.2"], ["fuzzy", "kf"], 8, workers=2)
     assert without_times(alone) == without_times(together)
@@ -47,7 +47,7 @@ def test_the_figures_do_not_depend_on_the_workers(monkeypatch: pytest.MonkeyPatc
         for method, outcome in one.outcomes.items():
             assert np.array_equal(outcome.squares, two.outcomes[method].squares)
             assert np.array_equal(outcome.nees, two.outcomes[method].nees, equal_nan=True)
-    monkeypatch.setattr("shore.lab.campaign.CHUNK", 250)
+    monkeypatch.setattr("shore.lab.parallel_runs.CHUNK", 250)
     assert as_json(run(["4.2"], ["kf"], 8)[0])["results"]["kf"]["mse"] == as_json(alone[0])["results"]["kf"]["mse"]
 
 
@@ -151,7 +151,7 @@ def words_of(result: Result) -> str:
 
 
 def test_tables_say_what_a_published_row_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shore.lab.campaign.run_method", sensors_in_place_of_a_filter)
+    monkeypatch.setattr("shore.lab.parallel_runs.run_method", sensors_in_place_of_a_filter)
     few, enough = (words_of(*run(["5.3"], ["ukf"], runs)) for runs in (9, 10))
     for words in (few, enough):
         assert "raw sensors (after the change)" in words
@@ -161,7 +161,7 @@ def test_tables_say_what_a_published_row_is(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_no_bound_for_a_method_that_is_told_the_biases(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shore.lab.campaign.run_method", sensors_in_place_of_a_filter)
+    monkeypatch.setattr("shore.lab.parallel_runs.run_method", sensors_in_place_of_a_filter)
     (biased,), (free,) = (run([name], ["ukf", "oracle"], 2) for name in ("uncalibrated", "5.1"))
     assert np.all(np.isnan(score(biased, "oracle").to_bound))
     assert np.all(np.isfinite([*score(biased, "ukf").to_bound, *score(free, "oracle").to_bound]))
@@ -209,7 +209,7 @@ def sensors_in_place_of_a_filter(name: str, setting: Setting, *, first: bool) ->
 
 def test_the_page_of_the_thesis_holds_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Filters and pictures have their own tests."""
-    monkeypatch.setattr("shore.lab.campaign.run_method", sensors_in_place_of_a_filter)
+    monkeypatch.setattr("shore.lab.parallel_runs.run_method", sensors_in_place_of_a_filter)
     monkeypatch.setattr("shore.lab.thesis.pictures", lambda *_: iter([Picture("tracks", "a caption", b"png")]))
     assert main(["lab", "thesis", "--out", str(tmp_path), "--runs", "2", "--workers", "1"]) == 0
     page = (tmp_path / "thesis.html").read_text(encoding="utf-8")

@@ -4,8 +4,8 @@ DRIVER = '''"""A compass that says only its heading: `H123.4`."""
 
 from common.framer import Measurement
 from common.messages import Heading
-from common.sensors import SensorTable
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
+from common.boat_config import SensorTable
+from onboard.devices.driver import Accepted, Line, Outcome, Rejected
 
 
 class PlainDriver:
@@ -42,7 +42,7 @@ RULE = '''"""A measurement noise R that is twice what the boat's file says."""
 
 from dataclasses import dataclass
 
-from shore.navigation.noise.adaptation import BeforeUpdate, Channel, ChannelNoise
+from shore.navigation.noise.noise_rule import BeforeUpdate, Channel, ChannelNoise
 from shore.navigation.numbers import Number
 
 
@@ -74,8 +74,8 @@ from collections.abc import Iterator
 
 from common.framer import Measurement
 from common.messages import Fix
-from common.sensors import BoatTable, SensorTable
-from shore.imports.account import Account
+from common.boat_config import BoatTable, SensorTable
+from shore.imports.line_counts import Account
 from shore.imports.frames import PORT
 from shore.imports.reader import ForeignRecord, Lines, Sources
 
@@ -159,7 +159,7 @@ def _sensors(arguments: argparse.Namespace) -> int:
 ANSWERED = """
 import asyncio, threading
 from pathlib import Path
-from onboard.control.commands import Commands
+from onboard.control.handlers import Commands
 from onboard.control.socket import Control
 from onboard.journal import Journal
 from onboard.main import main

@@ -72,8 +72,8 @@ def sentence(tree: Tree) -> None:
     tree.within(path, "RANK: Final[Mapping[str, int]] = {", 'RANK: Final[Mapping[str, int]] = {"THS": 0, ')
     said = tree.python(
         "-c",
-        "from common.sensors import SensorTable\n"
-        "from onboard.devices.base import Line\n"
+        "from common.boat_config import SensorTable\n"
+        "from onboard.devices.driver import Line\n"
         "from onboard.devices.registry import make_driver\n"
         "driver = make_driver(SensorTable(id='compass1', port='bow', role='compass'))\n"
         "line = Line(0, b'$HETHS,123.4,A*29')\n"
@@ -111,7 +111,7 @@ def new_filter(tree: Tree) -> None:
 def noise_rule(tree: Tree) -> None:
     tree.new("shore/navigation/noise/doubled.py", RULE)
     path = "shore/navigation/noise/rules.py"
-    tree.after(path, "from shore.navigation.noise.adaptation", "from shore.navigation.noise.doubled import Doubled\n")
+    tree.after(path, "from shore.navigation.noise.noise_rule", "from shore.navigation.noise.doubled import Doubled\n")
     tree.after(path, "NOISE_RULES:", '    "doubled": Doubled(),\n')
     assert '"doubled"' in replayed(tree, "doubled")
 
@@ -127,12 +127,12 @@ def export_format(tree: Tree) -> None:
 
 def import_kind(tree: Tree) -> None:
     tree.new("shore/imports/places.py", READER)
-    kinds, run = "shore/imports/kinds.py", "shore/imports/run.py"
+    kinds, run = "shore/imports/recognise.py", "shore/imports/run.py"
     tree.after(kinds, "class RecordingKind(StrEnum):", '    PLACES = "list of places"\n')
     tree.after(
         kinds, "_refuse_magic(path, head)", '    if head.startswith(b"place "):\n        return RecordingKind.PLACES\n'
     )
-    tree.after(run, "from shore.imports.plan", "from shore.imports.places import PlacesReader\n")
+    tree.after(run, "from shore.imports.record_times", "from shore.imports.places import PlacesReader\n")
     case = "            case RecordingKind.PLACES:\n"
     made = "                return _from_reader(job, lambda progress: PlacesReader(Lines(job.source, progress)))\n"
     tree.after(run, "match job.kind:", case + made)
@@ -167,7 +167,7 @@ def command_on_board(tree: Tree) -> None:
 
 
 def request_to_the_daemon(tree: Tree) -> None:
-    commands, command = "onboard/control/commands.py", "onboard/control/command.py"
+    commands, command = "onboard/control/handlers.py", "onboard/control/command.py"
     tree.after(commands, '"""For the control socket."""', ASKED)
     tree.within(commands, '"mark": mark}', '"mark": mark, "sensors": sensors}')
     tree.after(command, '_add(commands, "keys"', '    _add(commands, "sensors", "all sensors", _sensors)\n')

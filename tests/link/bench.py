@@ -7,13 +7,13 @@ from typing import Any
 import zmq
 import zmq.asyncio
 
-from common import session
+from common import link_messages as session
+from common.boat_config import SpoolTable
 from common.codec import decode_frame
 from common.errors import WayfixError
 from common.framer import Identity
+from common.link_messages import BoundedRun, FrameRange, Lease
 from common.messages import Event, Fix, Frame, RawLine
-from common.sensors import SpoolTable
-from common.session import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_MS
 from onboard.journal import Journal
 from onboard.link.router import Router

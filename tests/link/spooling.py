@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from common.boat_config import SpoolTable
 from common.framer import Identity
 from common.messages import Event
-from common.sensors import SpoolTable
 from onboard.journal import Journal
 from onboard.spool import Spool
 from onboard.spool.disk import Disk

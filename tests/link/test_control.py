@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from common.errors import WayfixError
 from common.keys import fingerprint, key_text
 from common.messages import Event
-from onboard.control.key_requests import KeyRequests
+from onboard.control.key_handlers import KeyRequests
 from onboard.control.socket import (
     DEFAULT_RUNTIME,
     NAME,

@@ -12,10 +12,10 @@ import msgpack
 import pytest
 import zmq
 
-from common import session
+from common import link_messages as session
 from common.codec import encode_frame
 from common.errors import CodecError
-from common.session import BoundedRun, FrameRange, Lease
+from common.link_messages import BoundedRun, FrameRange, Lease
 from onboard.link.bounded_run import GATHERED_BYTES, InOrder
 from onboard.link.server import COMMANDS_AT_ONCE, NEWS_AT_ONCE, SESSIONS_OF_KEY, Limits
 from onboard.link.sessions import Pace

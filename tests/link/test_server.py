@@ -8,10 +8,10 @@ import pytest
 import zmq
 import zmq.asyncio
 
-from common import session
+from common import link_messages as session
 from common.errors import WayfixError
+from common.link_messages import LINK_VERSION, BoundedRun, FrameRange, Lease
 from common.messages import SCHEMA_VERSION
-from common.session import LINK_VERSION, BoundedRun, FrameRange, Lease
 from common.units import NS_PER_S
 from onboard.link.router import Router
 from onboard.link.server import Limits

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from common.sensors import SpoolTable
+from common.boat_config import SpoolTable
 from onboard.journal import Journal
 from onboard.spool import Batch, Run, Spool
-from onboard.spool import state as spool_state
-from onboard.spool.format import SEGMENT_BYTES, name_of
+from onboard.spool import shared_state as spool_state
+from onboard.spool.segment_format import SEGMENT_BYTES, name_of
 from tests.link.spooling import MIB, QUICK, FaultyDisk, Told, filled, identity, payload, read_all, spool_at, until
 
 BOOTS = [identity(number).boot_id for number in range(5)]

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from onboard.spool import writer
-from onboard.spool.examine import Examination, frames_of
-from onboard.spool.shelf import segments_in
+from onboard.spool.segment_index import segments_in
+from onboard.spool.verify import Examination, frames_of
 from tests.link.spooling import filled, identity, payload, read_all, spool_at
 
 BOOT = identity().boot_id

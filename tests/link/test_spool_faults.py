@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from common.sensors import SpoolTable
-from onboard.spool import state as spool_state
-from onboard.spool.examine import Examination
-from onboard.spool.shelf import segments_in
+from common.boat_config import SpoolTable
+from onboard.spool import shared_state as spool_state
+from onboard.spool.segment_index import segments_in
+from onboard.spool.verify import Examination
 from tests.link.spooling import MIB, QUICK, FaultyDisk, Told, filled, identity, payload, read_all, spool_at, until
 
 BOOT = identity().boot_id

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.spool.format import (
+from onboard.spool.segment_format import (
     END,
     FRAME,
     Damage,

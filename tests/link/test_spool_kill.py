@@ -14,7 +14,7 @@ from tests.link.spooling import filled, identity, payload, read_all, spool_at
 WRITER = """
 import sys, time
 from pathlib import Path
-from common.sensors import SpoolTable
+from common.boat_config import SpoolTable
 from tests.link.spooling import payload, spool_at
 table = SpoolTable(max_mib=1000, min_free_mib=0, sync_s=float(sys.argv[3]))
 spool = spool_at(Path(sys.argv[1]), int(sys.argv[2]), table=table)

@@ -9,8 +9,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from onboard.spool import Spool, shelf, writer
-from onboard.spool import state as spool_state
+from onboard.spool import Spool, writer
+from onboard.spool import segment_index as shelf
+from onboard.spool import shared_state as spool_state
 from tests.link.spooling import FaultyDisk, Told, identity, payload, read_all, spool_at, until
 
 SEGMENT = 6000

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.offset import WINDOW_NS, ClockOffset
+from common.clock_offset import WINDOW_NS, ClockOffset
 from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
 
 AHEAD_NS = 12_345 * NS_PER_S

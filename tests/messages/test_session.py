@@ -6,7 +6,7 @@ from typing import Any
 import msgpack
 import pytest
 
-from common import session
+from common import link_messages as session
 from common.errors import CodecError
 from common.messages import SCHEMA_VERSION
 

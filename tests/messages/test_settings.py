@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import pytest
 
+from common.boat_config import BoatConfig
 from common.errors import SettingsError
-from common.ranges import MaxLength, NeededFor, OneOf, OnlyFor, Range
-from common.sensors import BoatConfig
+from common.field_bounds import MaxLength, NeededFor, OneOf, OnlyFor, Range
 from common.settings import as_dict, convert, read_toml
 
 GOOD: dict[str, Any] = {

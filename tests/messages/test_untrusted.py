@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import CodecError
-from common.untrusted import MAX_DEPTH, unpack_untrusted
+from common.untrusted_msgpack import MAX_DEPTH, unpack_untrusted
 
 PLAIN = (
     st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats(allow_nan=False) | st.text() | st.binary()

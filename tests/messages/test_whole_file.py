@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from common.atomic_file import check_target, whole_file
 from common.errors import WayfixError
-from common.whole_file import check_target, whole_file
 
 
 def test_it_takes_the_place_of_the_old_one_at_the_end(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from shore.navigation.filters import Filter, FilterFacts, build_filter
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import ImuInput, ProcessNoise
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.motion_model import ImuInput, ProcessNoise
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
 from tests.navigate.voyages import ACCEL_STD, GYRO_STD_DEG, Truth
 

@@ -8,7 +8,7 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from common.angles import wrap_rad
-from shore.navigation.models import FIVE, move
+from shore.navigation.motion_model import FIVE, move
 from shore.navigation.numbers import Array
 
 

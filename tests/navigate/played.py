@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from common.sensors import IMU_AXES, BoatConfig
+from common.boat_config import IMU_AXES, BoatConfig
+from common.simulation.column_recording import recording_voyage
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
-from common.simulation.recording import recording_voyage
 from common.simulation.voyage import Voyage
-from shore.navigation.beginning import first_state
 from shore.navigation.filters import Filter, build_filter, facts_of
-from shore.navigation.imu import driving_sensor
+from shore.navigation.imu_track import driving_sensor
+from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import ImuInput
+from shore.navigation.motion_model import ImuInput
 from shore.navigation.numbers import Array
 from tests.offline import config_of
 

@@ -9,8 +9,8 @@ from itertools import groupby
 
 import numpy as np
 
+from common.boat_config import BoatConfig, BoatTable, SensorTable
 from common.geodesy import LocalPlane
-from common.sensors import BoatConfig, BoatTable, SensorTable
 from common.simulation.motion import Truth
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, SensorFacts, Timed
 from common.simulation.voyage import Voyage

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from common.boat_config import BoatConfig, BoatTable, SensorTable
 from common.messages import Fix, Frame, Heading, ImuBlock
-from common.sensors import BoatConfig, BoatTable, SensorTable
-from shore.navigation.beginning import first_state
 from shore.navigation.estimate import Estimate
 from shore.navigation.filters import FilterFacts, build_filter
+from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import (
+from shore.navigation.motion_model import (
     FIVE,
     LARGEST_LIFT_M2_S2,
     TRIM_UNREST,
@@ -23,7 +23,7 @@ from shore.navigation.models import (
     body_to_plane,
     with_trim,
 )
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
 from shore.pipeline import Pipeline
 

@@ -9,18 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.angles import difference_rad, heading_rad
+from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.errors import WayfixError
-from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.scenarios import scenario_voyage
 from common.units import NS_PER_S
 from shore.navigation import filters, ukf
-from shore.navigation.beginning import first_of
 from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter, facts_of
-from shore.navigation.imu import split
+from shore.navigation.imu_track import split
+from shore.navigation.initial_state import first_of
 from shore.navigation.kalman import update_scalar
 from shore.navigation.measurements import Course, Position, TrueHeading
-from shore.navigation.models import (
+from shore.navigation.motion_model import (
     EXTRA_NAMES,
     FIVE,
     FREE_NOISE,
@@ -31,7 +31,7 @@ from shore.navigation.models import (
     StateSpace,
     process_noise,
 )
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, wrapped
 from tests.navigate.filterpys import filterpy_ukf
 from tests.navigate.voyages import Run, Truth, errors, run_filter, thesis_facts

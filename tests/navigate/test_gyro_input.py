@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from common.boat_config import BoatConfig, SensorTable
 from common.messages import Frame, TurnRate
-from common.sensors import BoatConfig, SensorTable
-from shore.navigation.imu import blocks_of, driving_sensor
+from shore.navigation.imu_track import blocks_of, driving_sensor
 from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, frames_of, sail
 

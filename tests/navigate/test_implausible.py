@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from common.messages import Frame, ImuBlock
-from shore.navigation.imu import ImuTrack
+from shore.navigation.imu_track import ImuTrack
 from shore.pipeline import Pipeline
 from tests.navigate.test_pipeline import play
 from tests.navigate.test_timeline import IMU, S, block, covered

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shore.navigation.bank import Bank, Batch, Moment
+from shore.navigation.filter_bank import Bank, Batch, Moment
 from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter
 from shore.navigation.judge import Evidence, Judge, Verdict
 from shore.navigation.measurements import Measurement, Position, TrueHeading
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Number
 from shore.navigation.timeline import Timeline
 from tests.navigate.voyages import state_of

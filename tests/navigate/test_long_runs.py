@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.boat_config import BoatConfig, SensorTable
 from common.messages import ImuBlock
-from common.sensors import BoatConfig, SensorTable
-from shore.navigation.bank import Bank, Batch, Moment
-from shore.navigation.beginning import first_of
+from shore.navigation.filter_bank import Bank, Batch, Moment
 from shore.navigation.filters import build_filter, facts_of
-from shore.navigation.imu import ImuTrack
+from shore.navigation.imu_track import ImuTrack
+from shore.navigation.initial_state import first_of
 from shore.navigation.measurements import Measurement, Position, TrueHeading
-from shore.navigation.models import FREE_NOISE, HEADING, ImuInput, ProcessNoise, move
+from shore.navigation.motion_model import FREE_NOISE, HEADING, ImuInput, ProcessNoise, move
 from shore.navigation.numbers import Array
 from shore.navigation.timeline import Timeline
 from tests.navigate.voyages import BOAT, UNCALIBRATED, state_of

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shore.navigation.noise.adaptation import Channel, ChannelNoise
-from shore.navigation.noise.matching import INNOVATION_MATCHING, RESIDUAL_MATCHING
+from shore.navigation.noise.covariance_matching import INNOVATION_MATCHING, RESIDUAL_MATCHING
+from shore.navigation.noise.noise_rule import Channel, ChannelNoise
 from shore.navigation.numbers import Array
 from tests.navigate.batches import GOOD, POOR, TABLE_5_3, Outcome, begin, follow, noisy, ratios, step, told
 from tests.navigate.voyages import Truth, sail

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shore.navigation.bank import Bank, Batch
+from shore.navigation.filter_bank import Bank, Batch
 from shore.navigation.filters import FilterFacts, build_filter
+from shore.navigation.fixed_steps import Synchronous
 from shore.navigation.measurements import (
     Course,
     Lever,
@@ -21,10 +22,9 @@ from shore.navigation.measurements import (
     is_angle,
     with_courses,
 )
-from shore.navigation.models import EAST, NORTH, StateSpace
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.motion_model import EAST, NORTH, StateSpace
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, hypot, part
-from shore.navigation.synchronous import Synchronous
 from shore.navigation.timeline import Timeline
 from tests.navigate.voyages import state_of
 

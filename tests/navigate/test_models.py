@@ -7,7 +7,7 @@ import pytest
 
 from shore.navigation.filters import Predict
 from shore.navigation.kalman import predict_extended, predict_linear
-from shore.navigation.models import (
+from shore.navigation.motion_model import (
     FIVE,
     FREE_NOISE,
     Extra,

@@ -17,8 +17,8 @@ from common.simulation.scenarios import find_scenario
 from shore.navigation.filters import Filter, FilterFacts, build_filter
 from shore.navigation.kalman import Predicted
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import FIVE, Gaussian, ImuInput, ProcessNoise, move
-from shore.navigation.noise.adaptation import Channel, FixedNoise
+from shore.navigation.motion_model import FIVE, Gaussian, ImuInput, ProcessNoise, move
+from shore.navigation.noise.noise_rule import Channel, FixedNoise
 from shore.navigation.numbers import Array, wrapped
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]

@@ -12,13 +12,13 @@ from common.simulation.fields import Sum
 from common.simulation.runs import draw_runs
 from common.simulation.scenario import Scenario, with_drift, with_outage
 from common.simulation.scenarios import SCENARIOS
-from common.simulation.tables import REALISTIC
+from common.simulation.thesis_tables import REALISTIC
 from shore.lab.batch import EIGHT, Setting
 from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import FIVE, Extra, ImuInput, StateSpace, through_water
+from shore.navigation.motion_model import FIVE, Extra, ImuInput, StateSpace, through_water
 from shore.navigation.numbers import Array
-from shore.navigation.water import Sailing, Stream, Water
+from shore.navigation.pseudo_measurements import Sailing, Stream, Water
 
 UNCALIBRATED = SCENARIOS["uncalibrated"]
 TIDAL = SCENARIOS["tidal-outage"]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from common.boat_config import BoatTable
 from common.errors import WayfixError
 from common.messages import Event, Fix, Frame, Heading
-from common.sensors import BoatTable
 from common.simulation.scenarios import scenario_voyage
 from shore.navigation.estimate import Estimate
 from shore.navigation.measurements import Position, Reader

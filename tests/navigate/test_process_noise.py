@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shore.navigation.noise.adaptation import Channel, ChannelNoise
+from shore.navigation.noise.noise_rule import Channel, ChannelNoise
 from shore.navigation.noise.process_noise import FUZZY_QR
 from shore.navigation.numbers import Array
 from tests.navigate.batches import GOOD, TABLE_5_3, Batch, Outcome, follow, noisy, ratios, told

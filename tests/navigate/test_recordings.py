@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import tests.offline
-from common.sensors import SensorTable
-from common.simulation.recording import recording_voyage
+from common.boat_config import SensorTable
+from common.simulation.column_recording import recording_voyage
 from tests.navigate.played import TRUSTING, Draws, Played, drawn, play
 from tests.offline import errors_of
 from tests.recordings import BLUEBOAT, BLUEBOAT_MAP

@@ -8,7 +8,7 @@ import pytest
 
 from shore.navigation import restart as opening
 from shore.navigation.filters import Filter, FilterState, build_filter
-from shore.navigation.models import EAST, HEADING, NORTH, StateSpace
+from shore.navigation.motion_model import EAST, HEADING, NORTH, StateSpace
 from shore.navigation.numbers import Array
 from tests.navigate.batches import CHANNELS, POOR, START_SIGMAS, TABLE_5_3, Batch, begin, facts, noisy, step, told
 from tests.navigate.voyages import Truth

@@ -11,8 +11,17 @@ from common.simulation.scenario import Scenario, with_outage
 from common.simulation.scenarios import find_scenario
 from shore.navigation.filters import REGISTRY, FilterFacts, build_filter
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import FIVE, Extra, Gaussian, ImuInput, ProcessNoise, StateSpace, jacobian, process_noise
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.motion_model import (
+    FIVE,
+    Extra,
+    Gaussian,
+    ImuInput,
+    ProcessNoise,
+    StateSpace,
+    jacobian,
+    process_noise,
+)
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, wrapped
 from shore.navigation.smoother import Smoother
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from shore.navigation.beginning import first_of
 from shore.navigation.filters import REGISTRY, FilterFacts, FilterState, build_filter
+from shore.navigation.initial_state import first_of
 from shore.navigation.kalman import predict_extended
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import (
+from shore.navigation.motion_model import (
     EXTRA_NAMES,
     FIVE,
     Extra,
@@ -20,7 +20,7 @@ from shore.navigation.models import (
     jacobian,
     move,
 )
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
 from shore.navigation.ukf import predict_unscented
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import tests.offline
-from common.sensors import BoatConfig
+from common.boat_config import BoatConfig
 from common.simulation.readings import FixReading
 from common.simulation.voyage import Voyage
 from common.units import NS_PER_S

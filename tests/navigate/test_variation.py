@@ -7,11 +7,11 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from common.boat_config import BoatTable
 from common.messages import Event, Fix, Frame, Heading
-from common.sensors import BoatTable
 from common.units import NS_PER_S
+from shore.navigation.magnetic_variation import Variation, decimal_year
 from shore.navigation.measurements import Reader, TrueHeading
-from shore.navigation.variation import Variation, decimal_year
 from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, sail
 from tests.strategies import numbered_frame

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common.angles import difference_rad, wrap_deg
+from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.geodesy import LocalPlane
 from common.messages import Fix, Frame, Heading, ImuBlock
-from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
-from shore.navigation.bank import Moment
+from shore.navigation.filter_bank import Moment
 from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.models import ImuInput, ProcessNoise, body_to_plane
-from shore.navigation.noise.adaptation import Channel
+from shore.navigation.motion_model import ImuInput, ProcessNoise, body_to_plane
+from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
 
 ACCEL_STD = 0.0039

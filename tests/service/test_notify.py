@@ -17,7 +17,7 @@ import pytest
 import zmq
 
 import onboard.reading.ports
-from common import session
+from common import link_messages as session
 from common.clock import BoatClock
 from onboard.config import load
 from onboard.daemon import Daemon, status_text

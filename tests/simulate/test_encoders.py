@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.angles import difference_deg
+from common.boat_config import SensorTable
 from common.framer import ImuSample
 from common.messages import Fix, Heading
-from common.sensors import SensorTable
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.units import M_S_PER_KN
-from onboard.devices.base import Accepted, Line
+from onboard.devices.driver import Accepted, Line
 from onboard.devices.registry import make_driver
 from onboard.virtual.encoders import ArduImuEncoder, CompassEncoder, Encoded, GpsEncoder, nmea
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.simulation.fields import STILL
-from common.simulation.flaws import Deviation, Drift, Flaws, drift_path, gauss_markov
 from common.simulation.motion import Array, Mission, Truth, sail
-from common.simulation.sensors import Draws, Phase, compass_heading_deg, gps_position, imu_samples
-from common.simulation.tables import REALISTIC, TABLE_3_3, TABLE_3_4, TABLE_5_4, budget_m
+from common.simulation.sensor_errors import Deviation, Drift, Flaws, drift_path, gauss_markov
+from common.simulation.sensor_models import Draws, Phase, compass_heading_deg, gps_position, imu_samples
+from common.simulation.thesis_tables import REALISTIC, TABLE_3_3, TABLE_3_4, TABLE_5_4, budget_m
 
 WHITE = (Phase(0.0, TABLE_5_4),)
 SILENT = (

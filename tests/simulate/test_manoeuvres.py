@@ -11,7 +11,7 @@ from common.angles import difference_rad
 from common.simulation.manoeuvres import Manoeuvres, Turn, constant_velocity, coordinated_turn, follow
 from common.simulation.motion import grid
 from common.simulation.scenarios import find_scenario
-from common.simulation.sensors import body_motion
+from common.simulation.sensor_models import body_motion
 
 rates = st.floats(0.001, 1.0).flatmap(lambda rate: st.sampled_from((rate, -rate)))
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from common.errors import SettingsError, WayfixError
+from common.simulation.column_recording import recording_voyage
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
-from common.simulation.recording import recording_voyage
 from tests.recordings import BLUEBOAT, BLUEBOAT_MAP
 
 needs_blueboat = pytest.mark.skipif(not BLUEBOAT.is_dir(), reason="the BlueBoat recordings are not on this machine")

@@ -11,8 +11,8 @@ from common.simulation.motion import Array
 from common.simulation.runs import Runs, draw_runs
 from common.simulation.scenario import Scenario, realistic, with_bias, with_drift, with_outage
 from common.simulation.scenarios import SCENARIOS, find_scenario
-from common.simulation.sensors import imu_bias
-from common.simulation.tables import TABLE_5_4_BIAS
+from common.simulation.sensor_models import imu_bias
+from common.simulation.thesis_tables import TABLE_5_4_BIAS
 
 BIAS = np.array([0.03, 0.02, math.radians(0.28)])
 

@@ -12,7 +12,7 @@ from common.simulation.readings import FixReading, ImuReading
 from common.simulation.scenario import realistic, with_bias, with_drift, with_noise
 from common.simulation.scenarios import SCENARIOS, find_scenario, scenario_voyage
 from common.simulation.scenarios_own import BUOYS
-from common.simulation.tables import TABLE_4_1, TABLE_5_3, compat
+from common.simulation.thesis_tables import TABLE_4_1, TABLE_5_3, compat
 
 NAMES = (
     "4.0 4.1 4.2 4.3-0.5 4.3-0.3 4.3-0.15 4.4-T1 4.4-T2 4.4-T3 5.1 5.2 5.3 "

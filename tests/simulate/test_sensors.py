@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from common.errors import WayfixError
-from common.simulation import sensors
+from common.simulation import sensor_models as sensors
 from common.simulation.motion import Truth
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.scenario import SOLENT
 from common.simulation.scenarios import scenario_voyage
-from common.simulation.sensors import Draws, Phase, generators, gps_position, imu_samples
-from common.simulation.tables import POOR, TABLE_5_4, TABLE_5_4_BIAS
+from common.simulation.sensor_models import Draws, Phase, generators, gps_position, imu_samples
+from common.simulation.thesis_tables import POOR, TABLE_5_4, TABLE_5_4_BIAS
 from common.simulation.voyage import Voyage
 
 

@@ -11,7 +11,7 @@ from common.angles import difference_rad
 from common.simulation.fields import STILL
 from common.simulation.motion import Mission, Truth, cleared, grid, sail, turn_direction
 from common.simulation.scenarios_thesis import SOLENT_TIDE, TRACK_1
-from common.simulation.sensors import body_motion
+from common.simulation.sensor_models import body_motion
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.clock import BoatClock
+from onboard.virtual.baud_pacing import SerialLine, paced, portion_bytes
 from onboard.virtual.boat import VirtualBoat
-from onboard.virtual.pacing import SerialLine, paced, portion_bytes
 
 NS = 1_000_000_000
 

@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from common.boat_config import BoatConfig
 from common.errors import WayfixError
-from common.sensors import BoatConfig
 from common.settings import read_toml
 from common.simulation.motion import Truth
 from common.simulation.scenarios import scenario_voyage
-from onboard.devices.base import Accepted, Line
+from onboard.devices.driver import Accepted, Line
 from onboard.devices.registry import make_driver
 from onboard.virtual import command
-from onboard.virtual.files import TruthFile
+from onboard.virtual.voyage_files import TruthFile
 
 ROOT = Path(__file__).parents[2]
 RUN = """

@@ -11,8 +11,8 @@ from common.events import event
 from common.messages import Event, Frame
 from common.settings import as_dict
 from common.simulation.scenarios import scenario_voyage
-from shore.logbook.read import read_log
-from shore.logbook.record import log_at
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import log_at
 from shore.logbook.session import start_record
 from shore.pipeline import Pipeline
 from tests import offline

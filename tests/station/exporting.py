@@ -17,7 +17,7 @@ from common.codec import encode_frame
 from common.messages import Event, Frame
 from shore.exports import arguments, formats
 from shore.exports.command import run
-from shore.logbook.record import log_at
+from shore.logbook.log_writer import log_at
 from shore.logbook.session import start_record
 from shore.navigation.estimate import Estimate
 

@@ -13,7 +13,7 @@ from common.messages import Attitude, Fix, Frame, Heading, TurnRate
 from common.units import NS_PER_S
 from shore.imports.arguments import add_arguments
 from shore.imports.command import run
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 
 T0 = 1_700_000_000 * NS_PER_S
 ISO = "2023-11-14T22:13:20.000Z"

@@ -11,10 +11,10 @@ from mcap.writer import CompressionType, Writer
 
 from common.codec import encode_frame
 from common.messages import Fix, Frame
+from shore.logbook.log_writer import new_log
 from shore.logbook.mcap.damage import Loss
 from shore.logbook.mcap.records import HEAD
 from shore.logbook.mcap.scan import Scan
-from shore.logbook.record import new_log
 from shore.navigation.estimate import Estimate
 from tests.strategies import frame_of
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from mcap.writer import Writer
 
+from common.boat_config import BoatConfig
 from common.codec import encode_frame
 from common.messages import Frame
-from common.sensors import BoatConfig
-from shore.logbook.read import LogRecord, read_log
-from shore.logbook.record import new_log
+from shore.logbook.log_reader import LogRecord, read_log
+from shore.logbook.log_writer import new_log
 from shore.pipeline import Pipeline
 from shore.replay.comparison import Counts
 from shore.replay.run import Replay

@@ -7,7 +7,7 @@ import pytest
 
 from common.errors import WayfixError
 from common.messages import Frame
-from shore.logbook.read import LogRecord
+from shore.logbook.log_reader import LogRecord
 from shore.main import main
 from shore.replay.run import Replay
 from tests.station.logs import Done, log_of, rewritten

@@ -13,8 +13,8 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from common.codec import decode_frame, encode_frame
-from shore.logbook.read import read_log
-from shore.logbook.record import log_at
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import log_at
 from shore.logbook.session import start_record
 from tests.station.exporting import (
     GEOJSON,

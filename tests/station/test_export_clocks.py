@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from common.codec import encode_frame
 from common.messages import Frame
-from shore.exports.clocks import BoardClock, Clocks
-from shore.logbook.record import log_at
+from shore.exports.utc import BoardClock, Clocks
+from shore.logbook.log_writer import log_at
 from shore.logbook.session import start_record
 from tests.station.exporting import (
     NS,

@@ -11,7 +11,7 @@ import pytest
 from common.events import event
 from common.geodesy import LocalPlane
 from shore.exports.png import SHOWN, _Thinned
-from shore.report.trip import TripPlot, draw
+from shore.report.trip_picture import TripPlot, draw
 from tests.station.exporting import (
     NS,
     UTC_NS,

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import LinkError
-from shore.link import finding
-from shore.link.finding import MDNS, Candidate, Search, announced, find, gateways_v4, gateways_v6, known
+from shore.link import discovery as finding
+from shore.link.discovery import MDNS, Candidate, Search, announced, find, gateways_v4, gateways_v6, known
 from shore.link.known_boats import Boat
 from tests.link.namespaces import MULTICAST, SIDES, Namespaces, what_is_missing
 from tests.recordings import REPOSITORY
@@ -227,7 +227,7 @@ FINDER = """
 import json, socket, sys, time
 from common.errors import WayfixError
 from shore.link.known_boats import Boat
-from shore.link.finding import find
+from shore.link.discovery import find
 
 def probe(candidate, seconds):
     host, _, port = candidate.address.partition(":")

@@ -11,10 +11,10 @@ import pytest
 
 from common.codec import decode_frame
 from common.command import run_command
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from shore.navigation.noise.fuzzy import FUZZY
 from shore.replay.run import Replay
-from shore.trips.case import (
+from shore.trips.golden_case import (
     COLUMNS,
     EVENTS,
     EXPECTED,
@@ -52,7 +52,7 @@ def test_the_script_still_makes_the_same_frames(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "constant", "factor"),
     [
-        ("turns", "shore.navigation.beginning.KNOWN_SPEED_M_S", 0.99),
+        ("turns", "shore.navigation.initial_state.KNOWN_SPEED_M_S", 0.99),
         ("without-compass", "shore.navigation.filters.COURSE_SIGMA_DEG", 0.99),
         ("late-and-shuffled", "shore.navigation.timeline.HORIZON_NS", 0.5),
     ],

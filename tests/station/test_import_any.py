@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.boat_config import BoatTable
 from common.codec import encode_frame
 from common.errors import WayfixError
 from common.messages import Fix, Heading, TurnRate
-from common.sensors import BoatTable
 from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns, TimeColumn
 from common.units import NS_PER_S
 from shore.imports import frames as cut
-from shore.imports.account import Rejected
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
-from shore.imports.plan import NO_TIME, Plan
+from shore.imports.line_counts import Rejected
 from shore.imports.reader import Lines, RecordingReader
+from shore.imports.record_times import NO_TIME, Plan
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.imports.values import utc_ns_of
 from tests.station.imports import ISO, T0, iso, tpv

@@ -15,8 +15,8 @@ from common.errors import WayfixError
 from common.units import NS_PER_S
 from shore.imports import serial_port
 from shore.imports.reader import digest_of
-from shore.logbook.read import read_log
-from shore.logbook.record import LogWriter
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import LogWriter
 from shore.main import main
 from tests.station.imports import MAP, T0, Importer, delta, sealed, tpv
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame
 from common.errors import WayfixError
-from common.sensors import BoatConfig
 from common.settings import convert
-from shore.imports.kinds import RecordingKind
-from shore.logbook.estimates import logged
-from shore.logbook.read import read_log
+from shore.imports.recognise import RecordingKind
+from shore.logbook.estimate_rounding import logged
+from shore.logbook.log_reader import read_log
 from shore.pipeline import Pipeline
 from tests.recordings import REPOSITORY, SHARED_DATA
 from tests.station.imports import Imported, Importer

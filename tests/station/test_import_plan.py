@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.units import NS_PER_S
-from shore.imports.plan import NO_TIME, Plan
+from shore.imports.record_times import NO_TIME, Plan
 from tests.station.imports import T0
 
 

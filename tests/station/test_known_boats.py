@@ -121,7 +121,7 @@ def test_an_own_key_that_cannot_be_used_is_told_before_anybody_is_looked_for(
     boats.remember("springer", A, "a")
     assert boats.public_key
     (tmp_path / "secret-key").chmod(0o644)
-    monkeypatch.setattr("shore.link.finding.find", lambda *_: pytest.fail("it looks"))
+    monkeypatch.setattr("shore.link.discovery.find", lambda *_: pytest.fail("it looks"))
     given = argparse.Namespace(address=None, boat=None, open=False)
     with pytest.raises(WayfixError, match="others have rights"):
         meet(given, Boats(tmp_path))

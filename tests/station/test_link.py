@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 import zmq
 
-from common import session
+from common import link_messages as session
 from common.clock import boottime_ns
 from common.errors import LinkError
 from common.keys import new_keys
-from common.session import FrameRange
+from common.link_messages import FrameRange
 from common.units import NS_PER_S
 from shore.link.link import Link, Wants
 from shore.link.transport import HandshakeFault, LinkKeys

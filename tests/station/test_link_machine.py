@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from common.units import NS_PER_MS, NS_PER_S
-from shore.link import machine as theory
-from shore.link.machine import LinkMachine, LinkState, Trigger
+from shore.link import session_state as theory
+from shore.link.session_state import LinkMachine, LinkState, Trigger
 from shore.link.transport import HandshakeFault
 
 WINDOW: Final = 4096

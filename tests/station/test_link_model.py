@@ -13,18 +13,18 @@ import zmq
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common import session
+from common import link_messages as session
+from common.boat_config import SpoolTable
 from common.codec import decode_frame
 from common.framer import Identity
+from common.link_messages import BoundedRun, Lease
 from common.messages import Event, Frame
-from common.sensors import SpoolTable
-from common.session import BoundedRun, Lease
 from common.units import NS_PER_MS
 from onboard.journal import Journal
 from onboard.link.router import Receive, Router
 from onboard.link.server import Server
 from onboard.spool import Spool
-from shore.link.ledger import Ledger
+from shore.link.frame_ledger import Ledger
 from tests.strategies import numbered_frame
 
 PERIOD_NS = 100 * NS_PER_MS

@@ -12,8 +12,8 @@ from common.errors import WayfixError
 from common.events import event
 from common.messages import Frame
 from common.toml_text import toml_lines
-from shore.logbook.census import Census, light_frame
-from shore.logbook.record import new_log
+from shore.logbook.log_writer import new_log
+from shore.logbook.missing_frames import Census, light_frame
 from shore.terminal import say, tell
 from tests.station.log_commands import answer, harmed, put, wayfix_log
 from tests.station.log_files import EACH_NS, START, UTC_NS, frame, log_bytes, other_writer

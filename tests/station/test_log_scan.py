@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType
 
+from shore.logbook.log_reader import read_log
 from shore.logbook.mcap.records import HEAD, MAGIC
-from shore.logbook.read import read_log
 from tests.station.log_files import (
     EACH_NS,
     UTC_NS,

@@ -98,7 +98,7 @@ def test_the_end_of_another_log_names_no_channel() -> None:
 
 @pytest.mark.parametrize("block", [*range(20, 30), 100, 4 * 2**20])
 def test_the_end_of_a_log_is_found_wherever_it_stands(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shore.logbook.mcap.tail.BLOCK", block)
+    monkeypatch.setattr("shore.logbook.mcap.index_at_end.BLOCK", block)
     content, truth = log_bytes(SMALL), seen(log_bytes(SMALL))
     at = chunks_of(content)[1][0] + 20
     for gone in range(1, 40, 6):

@@ -9,7 +9,7 @@ import pytest
 from common.codec import encode_frame
 from common.command import run_command
 from common.errors import SettingsError
-from shore.logbook.record import new_log
+from shore.logbook.log_writer import new_log
 from tests.station.log_commands import answer, harmed, put, wayfix_log
 from tests.station.log_files import START, UTC_NS, chunks_of, frame, log_bytes, other_writer, records_of, write
 

@@ -14,9 +14,9 @@ from common.errors import WayfixError
 from common.events import event
 from common.simulation.scenarios import scenario_voyage
 from shore.logbook import foxglove
+from shore.logbook.background_writer import LogRecorder
 from shore.logbook.lock import is_being_written
-from shore.logbook.record import LogWriter, log_at, new_log
-from shore.logbook.recorder import LogRecorder
+from shore.logbook.log_writer import LogWriter, log_at, new_log
 from shore.logbook.session import start_record, trip_record
 from shore.pipeline import Pipeline
 from tests.offline import config_of, frames_of, pushed

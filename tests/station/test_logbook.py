@@ -16,8 +16,8 @@ from mcap.writer import Writer
 from common.codec import decode_frame, encode_frame
 from common.errors import WayfixError
 from common.events import event
-from shore.logbook.read import read_log
-from shore.logbook.record import new_log
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import new_log
 from shore.logbook.schemas import json_schema
 from shore.navigation.estimate import Estimate
 from tests.station.log_files import START, UTC_NS, estimate, frame, write
@@ -111,7 +111,7 @@ _RECORDER = """
 import sys, time
 from pathlib import Path
 from common.codec import encode_frame
-from shore.logbook.record import new_log
+from shore.logbook.log_writer import new_log
 from tests.station.log_files import START, frame, UTC_NS
 writer = new_log(Path(sys.argv[1]), "springer", UTC_NS)
 writer.write_session(START, UTC_NS)
@@ -210,7 +210,7 @@ _FULL_DISK = """
 import resource, sys
 from pathlib import Path
 from common.errors import WayfixError
-from shore.logbook.record import new_log
+from shore.logbook.log_writer import new_log
 from tests.station.log_files import frame, UTC_NS
 import random
 rng = random.Random(1)

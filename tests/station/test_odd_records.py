@@ -13,9 +13,9 @@ from mcap.writer import Writer
 
 from common.errors import WayfixError
 from common.messages import Frame
-from shore.logbook import record_forms as forms
-from shore.logbook.read import LogRecord, read_log
-from shore.logbook.record_forms import FormError, content_of
+from shore.logbook import record_checks as forms
+from shore.logbook.log_reader import LogRecord, read_log
+from shore.logbook.record_checks import FormError, content_of
 from shore.main import main
 from shore.replay.run import Replay
 from tests.station.logs import Done, log_of, rewritten

@@ -17,7 +17,7 @@ import pytest
 from common.errors import LinkError, WayfixError
 from common.keys import fingerprint, key_text
 from common.pairing import Board, framed, plain_code
-from onboard.control.key_requests import KeyRequests
+from onboard.control.key_handlers import KeyRequests
 from onboard.control.socket import Control, ask
 from onboard.journal import Journal
 from onboard.link.access import READ, Access

@@ -11,8 +11,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from common.errors import WayfixError
-from shore.logbook.read import read_log
-from shore.logbook.record import new_log
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import new_log
 from shore.logbook.session import trip_record
 from shore.trips.recover import name_log, recover
 from tests.station.log_files import START, UTC_NS, Seen, chunks_of, log_bytes, other_writer, seen, write

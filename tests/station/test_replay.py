@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from common.messages import Frame
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from shore.main import main
 from shore.replay.frames import Frames, Span
 from shore.replay.run import Replay

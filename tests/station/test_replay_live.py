@@ -11,19 +11,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from common.boat_config import BoatConfig
+from common.clock_offset import ClockOffset
 from common.codec import encode_frame
 from common.events import event
 from common.messages import Frame
-from common.offset import ClockOffset
-from common.sensors import BoatConfig
+from common.simulation.column_recording import recording_voyage
 from common.simulation.readings import Rates
-from common.simulation.recording import recording_voyage
 from common.simulation.scenarios import scenario_voyage
 from common.simulation.voyage import Voyage
 from shore.link.link import Link, Received, Wants
 from shore.live.run import LiveRun, Options
-from shore.logbook.read import read_log
-from shore.logbook.record import log_at
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import log_at
 from shore.navigation.estimate import Estimate
 from shore.replay.run import Replay
 from tests import offline

@@ -11,8 +11,8 @@ from common.codec import encode_frame
 from common.events import event
 from common.messages import Frame
 from shore.logbook.foxglove import event_of
-from shore.logbook.read import read_log
-from shore.logbook.record import log_at
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import log_at
 from shore.main import main
 from shore.pipeline import Pipeline
 from shore.replay.run import Pace, Replay

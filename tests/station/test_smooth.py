@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame, encode_frame
 from common.errors import WayfixError
 from common.messages import Fix, Frame
-from common.sensors import BoatConfig
 from common.simulation.scenarios import scenario_voyage
 from shore.main import main
 from shore.navigation.kalman import Predicted
-from shore.navigation.models import Gaussian, ImuInput, ProcessNoise
+from shore.navigation.motion_model import Gaussian, ImuInput, ProcessNoise
 from shore.navigation.ukf import predict_unscented
 from shore.pipeline import Pipeline
 from shore.replay.smooth import COLUMNS, smooth_log, write_track

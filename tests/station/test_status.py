@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.messages import Fix, Frame, Heading
-from common.sensors import BoatConfig, BoatTable, PortTable, SensorTable
 from common.units import NS_PER_S
 from shore.pipeline import Output, Pipeline
 from shore.watchers.newest import Newest

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.simulation.scenarios import scenario_voyage
-from shore.logbook.estimates import digest_of, logged
+from shore.logbook.estimate_rounding import digest_of, logged
 from shore.pipeline import Pipeline
 from tests.offline import config_of, frames_of
 

@@ -7,15 +7,15 @@ from typing import Any, cast
 
 import pytest
 
+from common.clock_offset import ClockOffset
 from common.codec import encode_frame
 from common.errors import WayfixError
 from common.events import event
 from common.messages import Event, Frame
-from common.offset import ClockOffset
-from shore.imports.write import LogMaker
+from shore.imports.log_maker import LogMaker
 from shore.link.link import Link, Received
 from shore.live.run import LiveRun, Options
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from shore.logbook.schemas import LINK, SESSION
 from shore.pipeline import Output, Pipeline
 from shore.replay.run import Replay

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from common import session
+from common import link_messages as session
 from common.messages import SCHEMA_VERSION
 from common.units import NS_PER_S
 from shore.link.transport import HandshakeFault

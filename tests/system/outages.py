@@ -10,9 +10,9 @@ from typing import Any
 
 from common.codec import decode_frame
 from common.errors import LinkError
-from shore.link.ledger import Ledger
+from shore.link.frame_ledger import Ledger
 from shore.link.link import Link, Wants
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.system.harness import Process, compass_config
 
 FRAME_HZ = 20

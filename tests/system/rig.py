@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from common.codec import decode_frame
+from common.link_messages import MAX_WINDOW, BoundedRun
 from common.messages import Event, Frame, SensorHealth
-from common.session import MAX_WINDOW, BoundedRun
 from common.units import NS_PER_S
 from onboard.virtual.terminal import Terminal
 from shore.link.link import Link, Wants

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from common.codec import decode_frame
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.link.relay import Relay
 from tests.system.harness import Process, command, station
 from tests.system.outages import (

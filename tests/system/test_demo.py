@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from common.codec import decode_frame
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.recordings import BLUEBOAT_235 as BLUEBOAT
 from tests.recordings import BLUEBOAT_MAP
 from tests.system.harness import command

@@ -13,8 +13,8 @@ import zmq
 
 from benchmarks.observer import child, kilobytes
 from benchmarks.stations import Station
-from common import session
-from common.session import FrameRange, Lease
+from common import link_messages as session
+from common.link_messages import FrameRange, Lease
 
 SECONDS = 30.0
 SETTLED_S = 8.0

@@ -10,7 +10,7 @@ import pytest
 from common.codec import decode_frame
 from common.messages import Frame
 from common.units import NS_PER_S
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.system.harness import command
 
 SECONDS, SPEED = 40, 8

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from common.codec import decode_frame
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.system.harness import Process, command
 from tests.system.outages import config_of
 

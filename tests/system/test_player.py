@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame
 from common.frames_file import FramesFile
 from common.geodesy import LocalPlane
+from common.link_messages import MAX_WINDOW
 from common.messages import Frame, SensorHealth
-from common.sensors import BoatConfig
-from common.session import MAX_WINDOW
 from common.settings import convert as as_config
 from onboard.recorded.convert import convert
 from shore.link.link import Link

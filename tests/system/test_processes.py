@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from common.codec import decode_frame
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.system.harness import BIN, Process, boat, command, station
 
 STOP_S = 4.0

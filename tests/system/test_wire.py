@@ -13,16 +13,16 @@ from typing import Any
 import pytest
 import zmq
 
-from common import session
+from common import link_messages as session
 from common.codec import decode_frame
 from common.errors import LinkError
 from common.keys import new_keys
-from common.session import Lease
+from common.link_messages import Lease
 from onboard.link.access import READ, Access
 from shore.link.known_boats import Boats
 from shore.link.link import CONNECT_TIMEOUT_S, Link
 from shore.link.transport import LinkKeys
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.link.relay import Relay
 from tests.system.harness import Process, command, compass_config
 

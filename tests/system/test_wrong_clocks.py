@@ -15,7 +15,7 @@ import pytest
 from common.codec import decode_frame
 from common.messages import Frame
 from onboard.virtual.terminal import Terminal
-from shore.logbook.read import read_log
+from shore.logbook.log_reader import read_log
 from tests.system.harness import Process, command
 from tests.system.rig import sealed
 

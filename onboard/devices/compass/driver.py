@@ -6,17 +6,17 @@ electronics, can switch the checksum off (or put a serial number in its place): 
 
 import re
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
 from common.messages import Attitude, Heading, TurnRate
-from common.sensors import SensorTable
 from common.units import NS_PER_MS
-from onboard.devices import nmea
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
+from onboard.devices import nmea_parser as nmea
 from onboard.devices.compass import sentences
-from onboard.devices.compass.one_source import OneSource
+from onboard.devices.compass.duplicate_headings import OneSource
 from onboard.devices.compass.sentences import AttitudeReading, Forms, HeadingReading, HprReading, TurnReading
-from onboard.devices.sentence import Sentence, address, check_sentence, sentence_of
+from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.nmea_sentence import Sentence, address, check_sentence, sentence_of
 
 _OWN = re.compile(rb"\$(PTNT[A-Z]{3}),")
 """Honeywell's own sentences have no talker."""

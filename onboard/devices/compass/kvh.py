@@ -10,14 +10,14 @@ NMEA: HDM, HDG, HDT as the family's manuals print them, with a comma too many. O
 import re
 from typing import Final
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
 from common.messages import Heading
-from common.sensors import SensorTable
 from common.units import NS_PER_MS
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
 from onboard.devices.compass import sentences
 from onboard.devices.compass.driver import CompassDriver
+from onboard.devices.driver import Accepted, Line, Outcome, Rejected
 
 _TENTHS = rb"([0-9]{4}|-[0-9]{3})"
 _OWN = re.compile(rb"%(?:" + _TENTHS + rb"," + _TENTHS + rb",)?([0-9]{4}|[0-9]{3}\.[0-9])")

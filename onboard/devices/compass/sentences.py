@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from onboard.devices import fields
-from onboard.devices.fields import FieldFault
-from onboard.devices.nmea import Form, Text
+from onboard.devices import nmea_fields as fields
+from onboard.devices.nmea_fields import FieldFault
+from onboard.devices.nmea_parser import Form, Text
 
 PITCH_LIMIT_DEG: Final = 90.0
 ROLL_LIMIT_DEG: Final = 180.0

@@ -14,17 +14,17 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
 from common.messages import Attitude, Heading
-from common.sensors import SensorTable
 from common.units import NS_PER_MS
-from onboard.devices import fields
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
+from onboard.devices import nmea_fields as fields
 from onboard.devices.compass import sentences
 from onboard.devices.compass.driver import CompassDriver
-from onboard.devices.fields import FieldFault
-from onboard.devices.sentence import address, check_sentence, sentence_of
+from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.nmea_fields import FieldFault
+from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
 
 FIELD_LIMIT_UT: Final = 1000.0
 """For each axis; the device saturates at a tenth of it."""

@@ -9,16 +9,16 @@ time, or for quiet: of the epoch before or of the one after, by the longest paus
 
 from typing import Final
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
 from common.messages import ClockPair, RawLine
-from common.sensors import SensorTable
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.devices import nmea
-from onboard.devices.base import Accepted, Ignored, Line, Outcome, Rejected
+from onboard.devices import nmea_parser as nmea
+from onboard.devices.driver import Accepted, Ignored, Line, Outcome, Rejected
 from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, UntimedLine, epoch_of_each, fix_of
 from onboard.devices.gps.sentences import FORMS, Gsa, Rmc, Timed, Vtg, Zda
-from onboard.devices.sentence import address, check_sentence
+from onboard.devices.nmea_sentence import address, check_sentence
 
 BURST_FORMATTERS: Final = frozenset({"GSV", "GST", "GBS", "GRS", "DTM", "TXT", "MSS", "ALM"})
 """Sentences of the same burst that are not decoded. They keep the epoch open: at 4800 baud a GSV group puts 0.45 s

@@ -6,8 +6,8 @@ from typing import Final
 
 from common.messages import Fix
 from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
-from onboard.devices.fields import DAY_MS, Position
 from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Timed, Untimed, Vtg, Zda
+from onboard.devices.nmea_fields import DAY_MS, Position
 
 QUIET_NS: Final = 150 * NS_PER_MS
 """An epoch that nothing has followed for so long is complete."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Final
 
-from onboard.devices import fields
-from onboard.devices.fields import FieldFault, Position
-from onboard.devices.nmea import Form, Text
+from onboard.devices import nmea_fields as fields
+from onboard.devices.nmea_fields import FieldFault, Position
+from onboard.devices.nmea_parser import Form, Text
 
 MODES: Final = "ADEFMNPRS"
 """Autonomous, differential, estimated, RTK float, manual, not valid, precise, RTK, simulator."""

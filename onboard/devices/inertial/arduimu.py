@@ -25,15 +25,15 @@ two it is, over the last samples (`SIGN_SAMPLES`); ours is the specific force.
 import re
 from typing import Final
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import ImuSample, Measurement
 from common.messages import Attitude
-from common.sensors import SensorTable
 from common.units import NS_PER_MS, STANDARD_GRAVITY_M_S2
-from onboard.devices.base import Accepted, Ignored, Line, Outcome, Rejected
+from onboard.devices.driver import Accepted, Ignored, Line, Outcome, Rejected
 from onboard.devices.inertial import rotation
 from onboard.devices.inertial.rotation import Angles
-from onboard.devices.sentence import LONGEST_SENTENCE
+from onboard.devices.nmea_sentence import LONGEST_SENTENCE
 
 GYRO_COUNTS_PER_DEG_S: Final = 16.4
 ACCEL_COUNTS_PER_G: Final = 4096.0

@@ -14,16 +14,17 @@ import re
 from dataclasses import dataclass, replace
 from typing import Final
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
 from common.messages import TurnRate
-from common.sensors import SensorTable
 from common.units import NS_PER_MS
-from onboard.devices import fields, nmea
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
-from onboard.devices.fields import FieldFault
-from onboard.devices.nmea import Form, Text
-from onboard.devices.sentence import check_sentence
+from onboard.devices import nmea_fields as fields
+from onboard.devices import nmea_parser as nmea
+from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.nmea_fields import FieldFault
+from onboard.devices.nmea_parser import Form, Text
+from onboard.devices.nmea_sentence import check_sentence
 
 NAME: Final = "PWFXG"
 LARGEST_RATE_MDEG_S: Final = 2_000_000

@@ -14,13 +14,13 @@ is left out of the AisLine, whose text is the sentence. Its time is not used: th
 import re
 from typing import Final
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
 from common.messages import AisLine
-from common.sensors import SensorTable
 from common.units import NS_PER_MS
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
-from onboard.devices.sentence import LONGEST_SENTENCE, address, check_sentence, checksum
+from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.nmea_sentence import LONGEST_SENTENCE, address, check_sentence, checksum
 
 FORMATTERS: Final = frozenset({"VDM", "VDO"})
 

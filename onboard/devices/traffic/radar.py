@@ -1,13 +1,13 @@
 """Radar target trackers (ARPA) that send TTM or TLL."""
 
+from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
 from common.messages import RadarTarget, RawLine
-from common.sensors import SensorTable
 from common.units import NS_PER_MS
-from onboard.devices import nmea
-from onboard.devices.base import Accepted, Line, Outcome, Rejected
-from onboard.devices.sentence import address, check_sentence
+from onboard.devices import nmea_parser as nmea
+from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.nmea_sentence import address, check_sentence
 from onboard.devices.traffic.sentences import FORMS, TargetReading
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from common.units import METRES_PER_KILOMETRE, METRES_PER_NAUTICAL_MILE, METRES_PER_STATUTE_MILE
-from onboard.devices import fields
-from onboard.devices.fields import FieldFault, Position
-from onboard.devices.nmea import Form, Text
+from onboard.devices import nmea_fields as fields
+from onboard.devices.nmea_fields import FieldFault, Position
+from onboard.devices.nmea_parser import Form, Text
 
 LONGEST_NAME: Final = 64
 STATUSES: Final = {"L": "lost", "Q": "acquiring", "T": "tracking"}

@@ -5,6 +5,7 @@ from typing import Final
 
 from mcap.opcode import Opcode
 
+from shore.logbook.mcap.index_at_end import DATA_END, DATA_END_SIZE, Tail
 from shore.logbook.mcap.records import (
     HEAD,
     LIMIT,
@@ -16,7 +17,6 @@ from shore.logbook.mcap.records import (
     is_parsed,
 )
 from shore.logbook.mcap.source import Source
-from shore.logbook.mcap.tail import DATA_END, DATA_END_SIZE, Tail
 
 _OTHER_KINDS: Final = (
     Opcode.MESSAGE_INDEX,

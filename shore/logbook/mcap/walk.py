@@ -10,6 +10,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
 from shore.logbook.mcap.damage import Loss, Part, all_named, loss_of
 from shore.logbook.mcap.findings import Findings
+from shore.logbook.mcap.index_at_end import DATA_END_SIZE, FOOTER_SIZE, Tail, end_behind, moved_tail, tail_at
 from shore.logbook.mcap.index_check import IndexCheck
 from shore.logbook.mcap.record_at import Record, Records
 from shore.logbook.mcap.records import (
@@ -29,7 +30,6 @@ from shore.logbook.mcap.records import (
     unpacked,
 )
 from shore.logbook.mcap.source import Source
-from shore.logbook.mcap.tail import DATA_END_SIZE, FOOTER_SIZE, Tail, end_behind, moved_tail, tail_at
 
 Item = Message | Metadata | Attachment
 

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from shore.navigation.noise.adaptation import BeforeUpdate, Channel, ChannelNoise
+from shore.navigation.noise.noise_rule import BeforeUpdate, Channel, ChannelNoise
 from shore.navigation.numbers import Number, choose, clip, larger, log, smaller, sqrt
 
 WINDOW_COVERS_S: Final = 20.0

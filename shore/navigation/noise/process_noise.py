@@ -10,8 +10,8 @@ they change sign too often; an R that is too large is corrected by the rule for 
 from dataclasses import dataclass
 from typing import Final
 
-from shore.navigation.noise.adaptation import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.fuzzy import FUZZY
+from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
 from shore.navigation.numbers import Number, clip, exp, larger, log, smaller, sqrt
 
 LEAST_GAIN: Final = 1e-12

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from shore.navigation.noise.adaptation import BeforeUpdate, Channel, ChannelNoise
+from shore.navigation.noise.noise_rule import BeforeUpdate, Channel, ChannelNoise
 from shore.navigation.numbers import Array, Number
 
 LONGEST_STAY_S: Final = 10.0

@@ -8,8 +8,8 @@ from collections import Counter
 from typing import Final
 
 from common.units import NS_PER_S
-from shore.navigation.bank import Bank, Batch, Moment
-from shore.navigation.imu import ImuTrack, TimeStep
+from shore.navigation.filter_bank import Bank, Batch, Moment
+from shore.navigation.imu_track import ImuTrack, TimeStep
 from shore.navigation.measurements import Measurement
 from shore.navigation.timeline import AHEAD_NS
 

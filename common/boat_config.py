@@ -7,7 +7,7 @@ facts: the parsed tables travel in `connected` and into the log.
 from dataclasses import dataclass, field
 from typing import Annotated, Final
 
-from common.ranges import MaxLength, OneOf, Range
+from common.field_bounds import MaxLength, OneOf, Range
 
 
 @dataclass(frozen=True, slots=True)

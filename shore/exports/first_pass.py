@@ -7,9 +7,9 @@ from typing import Any, Final, NamedTuple
 
 from common.messages import Frame
 from common.units import NS_PER_S
-from shore.exports.clocks import BoardClock, Clocks
+from shore.exports.utc import BoardClock, Clocks
 from shore.logbook.foxglove import event_of
-from shore.logbook.read import LogReader, LogRecord
+from shore.logbook.log_reader import LogReader, LogRecord
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
 from shore.navigation.timeline import HORIZON_NS
 

@@ -22,7 +22,7 @@ from statistics import median
 from typing import Final
 
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.devices.fields import DAY_MS
+from onboard.devices.nmea_fields import DAY_MS
 from onboard.recorded.bursts import Burst, bursts
 
 LONGEST_STEP_MS: Final = 10_000

@@ -10,11 +10,11 @@ A monitor is given every outcome and every change of the port, and is asked at e
 from collections import Counter
 from typing import Final
 
+from common.boat_config import ROLES, SensorTable, stale_after_s
 from common.events import event
 from common.messages import Event, SensorHealth
-from common.sensors import ROLES, SensorTable, stale_after_s
 from common.units import NS_PER_S
-from onboard.reading import words
+from onboard.reading import diagnosis as words
 from onboard.reading.delivery import PERIODS, SHOWN, Delivery, State
 from onboard.reading.line_quality import Wire
 from onboard.reading.reopen_pauses import ReopenPauses

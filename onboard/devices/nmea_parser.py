@@ -2,7 +2,7 @@
 
 pynmea2 splits a sentence and names its fields; its converters are not used, because they answer an empty coordinate
 with 0.0, a bad number with its text, `nan` with nan, and raise IndexError, TypeError or OverflowError on what a noisy
-cable sends. Every value is read by `onboard.devices.fields` instead. An empty field is `None`, not a fault.
+cable sends. Every value is read by `onboard.devices.nmea_fields` instead. An empty field is `None`, not a fault.
 
 Another sentence = a reading, a function and a row in the `FORMS` of its device family.
 """
@@ -13,8 +13,8 @@ from typing import Final, Generic, TypeVar
 
 import pynmea2
 
-from onboard.devices.fields import FieldFault
-from onboard.devices.sentence import Sentence
+from onboard.devices.nmea_fields import FieldFault
+from onboard.devices.nmea_sentence import Sentence
 
 Reading_co = TypeVar("Reading_co", covariant=True)
 Text = Callable[[str], str]

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
+from common.boat_config import IMU_AXES, LATE_IMU_S, ROLES, BoatConfig, SensorTable
 from common.messages import Frame, ImuBlock
-from common.sensors import IMU_AXES, LATE_IMU_S, ROLES, BoatConfig, SensorTable
 from common.units import NS_PER_S, NS_PER_US
-from shore.navigation.models import ImuInput
+from shore.navigation.motion_model import ImuInput
 
 HOLD_S: Final = 0.25
 HOLD_PERIODS: Final = 3.0

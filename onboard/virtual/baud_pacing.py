@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from onboard.recorded.sentence_time import BITS_PER_BYTE, time_on_wire_ns
+from onboard.recorded.line_times import BITS_PER_BYTE, time_on_wire_ns
 
 FIFO_BYTES = 16
 """A UART hands its bytes over in portions of this size."""

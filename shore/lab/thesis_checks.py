@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final, NamedTuple
 
-from shore.lab.campaign import Result
 from shore.lab.methods import ORACLE
+from shore.lab.parallel_runs import Result
 from shore.lab.scores import LEAST_RUNS_FOR_Z, ODD, comparisons, score
 from shore.navigation.filters import REGISTRY
 

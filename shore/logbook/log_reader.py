@@ -5,7 +5,7 @@
     if reader.damage: print(reader.damage)
 
 A cut log gives everything up to its last whole chunk, a damaged one all chunks whose checksum holds (`mcap/scan.py`).
-A sound record that has not the form of its channel (`record_forms.py`) is left out, counted and named like a damaged
+A sound record that has not the form of its channel (`record_checks.py`) is left out, counted and named like a damaged
 one.
 """
 
@@ -24,7 +24,7 @@ from shore.logbook.mcap.damage import Flaw, Loss, sentence
 from shore.logbook.mcap.records import MAGIC
 from shore.logbook.mcap.scan import Scan, is_log
 from shore.logbook.mcap.walk import Item
-from shore.logbook.record_forms import FormError, content_of
+from shore.logbook.record_checks import FormError, content_of
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
 
 _BUFFER: Final = 2**18

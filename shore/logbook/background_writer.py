@@ -10,7 +10,7 @@ from pathlib import Path
 from common.clock import boottime_ns
 from common.errors import WayfixError
 from common.units import NS_PER_S
-from shore.logbook.record import LogWriter, new_log
+from shore.logbook.log_writer import LogWriter, new_log
 
 
 class LogRecorder:

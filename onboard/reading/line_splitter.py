@@ -5,13 +5,13 @@ Its time is that of the chunk that held its first byte. No more than `LONGEST_LI
 is discarded up to the next line end.
 
 Two sentences run together by a lost line end come out as one line: only a decoder knows that `$` or `!` may not stand
-in the middle, and it rejects them (`onboard.devices.sentence`).
+in the middle, and it rejects them (`onboard.devices.nmea_sentence`).
 """
 
 from typing import Final
 
 from common.units import NS_PER_MS
-from onboard.devices.base import Line
+from onboard.devices.driver import Line
 
 LONGEST_LINE: Final = 512
 """Bytes: six times the NMEA limit, so that the long lines of radars and IMUs pass."""

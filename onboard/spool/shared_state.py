@@ -4,8 +4,8 @@ import threading
 from collections import deque
 from typing import Any, Final
 
-from onboard.spool.memory import FrameList, Item
-from onboard.spool.shelf import Shelf
+from onboard.spool.memory_ring import FrameList, Item
+from onboard.spool.segment_index import Shelf
 
 RING_BYTES: Final = 4 << 20
 """The newest frames in memory."""

@@ -8,10 +8,10 @@ from pathlib import Path
 from statistics import median_low
 from typing import Any, Final
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame
 from common.errors import CodecError
 from common.messages import Frame
-from common.sensors import BoatConfig
 from common.settings import convert
 from shore.logbook.schemas import SESSION
 from shore.logbook.session import start_record

@@ -31,7 +31,7 @@ The times below lean on each other: RENEW < WATCHDOG < LOST < the board's memory
 from enum import Enum, auto
 from typing import Final
 
-from common import session
+from common import link_messages as session
 from common.units import NS_PER_MS, NS_PER_S
 from shore.link.transport import HandshakeFault
 

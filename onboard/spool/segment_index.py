@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from onboard.spool.format import (
+from onboard.spool.segment_format import (
     FRAME,
     MAX_HEADER_BYTES,
     SEGMENT_BYTES,

@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from common.simulation.assumed import Assumed
-from common.simulation.flaws import Deviation, Flaws, gauss_markov
-from common.simulation.sensors import SensorErrors
+from common.simulation.filter_tuning import Assumed
+from common.simulation.sensor_errors import Deviation, Flaws, gauss_markov
+from common.simulation.sensor_models import SensorErrors
 
 TABLE_3_2_COMPASS_DEG: Final = {"tcm2": 1.0, "hmr3000": 0.5, "kvh-c100": 0.5}
 """Springer's compasses, RMS."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from common.angles import wrap_deg
-from common.sensors import BoatConfig, FramesTable, LinkTable, PortTable, SensorTable
+from common.boat_config import BoatConfig, FramesTable, LinkTable, PortTable, SensorTable
 from common.simulation.motion import Array, grid
 from common.simulation.voyage import Voyage
 from onboard.virtual.boat import PORTS

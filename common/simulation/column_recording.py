@@ -29,7 +29,7 @@ from common.simulation.column_map import (
 )
 from common.simulation.motion import Truth
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, Reading, Timed
-from common.simulation.sensors import generators
+from common.simulation.sensor_models import generators
 from common.simulation.voyage import Voyage
 
 Row = dict[str, float | None]

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from onboard.spool.disk import LOCK_NAME
-from onboard.spool.format import END, FRAME, Damage, Record, unpack_header
-from onboard.spool.memory import Item
-from onboard.spool.shelf import Segment, items_of
+from onboard.spool.memory_ring import Item
+from onboard.spool.segment_format import END, FRAME, Damage, Record, unpack_header
+from onboard.spool.segment_index import Segment, items_of
 
 _LOCKS = Path("/proc/locks")
 

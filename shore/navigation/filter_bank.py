@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from common.messages import ImuBlock
-from shore.navigation.beginning import first_state
 from shore.navigation.filters import Filter, FilterFacts, FilterState
-from shore.navigation.imu import TimeStep
+from shore.navigation.imu_track import TimeStep
+from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import FirstHeading, Measurement, Position, Seeds, with_courses
-from shore.navigation.models import ImuInput
+from shore.navigation.motion_model import ImuInput
 
 
 class Batch(NamedTuple):

@@ -1,8 +1,9 @@
 """Sensor error models: truth in, noisy columns (white noise, bias) out, for one boat or for many runs at once.
 
-White Gaussian noise by phase plus a constant IMU bias are the thesis' models (Eqs 3.1-3.4, Table 5.4); `flaws.py` adds
-what real sensors do besides. Each sensor draws from its own generator; the draws of a time come together, so a shorter
-run is the beginning of a longer one. Arrays have the runs first: (runs, n) or (runs, n, axes).
+White Gaussian noise by phase plus a constant IMU bias are the thesis' models (Eqs 3.1-3.4, Table 5.4);
+`sensor_errors.py` adds what real sensors do besides. Each sensor draws from its own generator; the draws of a time
+come together, so a shorter run is the beginning of a longer one. Arrays have the runs first: (runs, n) or (runs, n,
+axes).
 """
 
 from collections.abc import Callable, Sequence
@@ -11,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from common.simulation.flaws import NO_FLAWS, Flaws, drift_path
 from common.simulation.motion import Array, Truth
+from common.simulation.sensor_errors import NO_FLAWS, Flaws, drift_path
 
 STREAMS: Final = ("gps1", "compass1", "imu1", "gps1 velocity", "start", "imu1 turn-on", "imu1 drift", "gps1 drift")
 """Who draws random numbers. Append only: a stream's seed depends on its place, never on how many follow."""

@@ -24,12 +24,12 @@ from typing import Any, Final
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from common.atomic_file import part_of, sync_directory
 from common.errors import WayfixError
 from common.messages import Event, Frame
 from common.units import NS_PER_S
-from common.whole_file import part_of, sync_directory
 from shore.logbook import foxglove
-from shore.logbook.estimates import logged
+from shore.logbook.estimate_rounding import logged
 from shore.logbook.lock import lock
 from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, FRAMES, LINK, POSITIONS, SESSION, TRIP, json_schema
 from shore.logbook.summary import TripSummary

@@ -29,7 +29,7 @@ import msgpack
 
 from common.errors import CodecError
 from common.messages import SCHEMA_VERSION
-from common.untrusted import unpack_untrusted
+from common.untrusted_msgpack import unpack_untrusted
 
 LINK_VERSION: Final = 2
 """Of this vocabulary; 1 had neither leases nor keys."""

@@ -12,7 +12,7 @@ from typing import Any, Final, NoReturn
 
 from common.errors import WayfixError
 from common.frames_file import is_frames_file
-from shore.imports.table import Table, example_of, table_in
+from shore.imports.csv_dialect import Table, example_of, table_in
 
 HEAD_BYTES: Final = 1 << 18
 """Enough of a file to tell what it is."""

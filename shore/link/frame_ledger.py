@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, Final
 
+from common.link_messages import MAX_MISSING, FrameRange
 from common.seqset import SeqSet
-from common.session import MAX_MISSING, FrameRange
 
 MAX_STARTS: Final = 200
 """Starts of the daemon that are remembered."""

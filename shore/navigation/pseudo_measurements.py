@@ -15,7 +15,7 @@ from typing import NamedTuple
 from common.simulation.fields import VectorField
 from shore.navigation.filters import Filter, FilterFacts
 from shore.navigation.measurements import PseudoPart, PseudoScalar
-from shore.navigation.models import EAST, NORTH, Extra, StateSpace, through_water
+from shore.navigation.motion_model import EAST, NORTH, Extra, StateSpace, through_water
 from shore.navigation.numbers import Array, Number, part
 
 

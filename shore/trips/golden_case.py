@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from common.angles import difference_deg
+from common.atomic_file import part_of
 from common.command import printable
 from common.errors import WayfixError
 from common.toml_text import toml_text
 from common.units import NS_PER_S
-from common.whole_file import part_of
 
 if TYPE_CHECKING:
     from shore.replay.frames import Span
@@ -221,8 +221,8 @@ def _is_near(column: str, ours: str, theirs: str, tolerance: dict[str, float]) -
 
 def _cut(log: Path, target: Path, filters: tuple[str, ...], span: "Span | None") -> list[str]:
     """Frames of the span and their sessions, nothing else; the filters to replay."""
-    from shore.logbook.read import read_log
-    from shore.logbook.record import log_at
+    from shore.logbook.log_reader import read_log
+    from shore.logbook.log_writer import log_at
     from shore.replay.frames import Frames
     from shore.watchers.watcher import Start
 

@@ -8,7 +8,7 @@ import numpy as np
 from common.units import NS_PER_S
 from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import FirstHeading, Position
-from shore.navigation.models import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
+from shore.navigation.motion_model import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
 from shore.navigation.numbers import Array, Number
 
 UNKNOWN_SPEED_M_S: Final = 1.0
