@@ -16,13 +16,14 @@ _OPTIONS = b"newinstance,ptmxmode=0666,mode=0620"
 
 def take() -> str | None:
     """Give the calling thread, and what it starts, pseudo-terminals of its own; why it has none, in one sentence."""
+    shared = "shared with all programs ({}): a test that gives one up may meet another's"
     if os.geteuid() != 0:
-        return "shared with all programs (own ones need root): a test that gives one up may meet another's"
+        return shared.format("own ones need root")
     libc = ctypes.CDLL(None, use_errno=True)
     if (
         libc.unshare(_NEW_MOUNTS) != 0
         or libc.mount(None, b"/", None, ctypes.c_ulong(_SLAVE_ALL), None) != 0
         or libc.mount(b"devpts", b"/dev/pts", b"devpts", ctypes.c_ulong(0), _OPTIONS) != 0
     ):
-        return f"shared with all programs ({os.strerror(ctypes.get_errno())}): a test that gives one up may meet another's"
+        return shared.format(os.strerror(ctypes.get_errno()))
     return None
