@@ -122,6 +122,7 @@ def test_an_open_but_silent_sensor_is_one_event_and_reopenings_are_none(tmp_path
     assert resumed_s < RESUME_S
 
 
+@pytest.mark.alone
 def test_a_vanished_adapter_costs_an_idle_daemon_nothing(tmp_path: Path) -> None:
     with ExitStack() as stack:
         daemons = []
