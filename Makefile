@@ -12,7 +12,7 @@ PURE := $(addprefix tests/,acquire floor lab layout messages navigate simulate s
 REAL := $(addprefix tests/,link service system)
 TOGETHER := $(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target
 
-.PHONY: demo test test-slow fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
+.PHONY: demo test test-slow fast fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
 
 help:
 	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
@@ -47,6 +47,9 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/lint-imports
 
 test: lint
+	@$(MAKE) --no-print-directory fast
+
+fast: $(VENV)/dev.stamp
 	@$(TOGETHER) fast-pure fast-real
 	$(BIN)/pytest -m "not slow and alone"
 
