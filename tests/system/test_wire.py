@@ -185,7 +185,9 @@ def test_a_start_that_fails_is_one_sentence_and_leaves_nothing(tmp_path: Path) -
         fails = [sys.executable, "-c", EVERYBODY, *map(str, arguments), "tcp://127.0.0.1:*"]
         done = subprocess.run(fails, capture_output=True, text=True, timeout=10, check=False)
         assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done.stderr
-        assert "a stranger's key is not refused: its message was received" in done.stderr
+        # The message, or on a busy machine the handshake before it (event 4096, ZMQ_EVENT_HANDSHAKE_SUCCEEDED).
+        told = ("its message was received", "event 4096, 0")
+        assert any(f"a stranger's key is not refused: {words};" in done.stderr for words in told), done.stderr
         assert left_in(tmp_path) <= kept
         second = Process("wayfix-onboard", *arguments, "tcp://127.0.0.1:*")  # what the failures left is no hindrance
         second.ready()
