@@ -8,8 +8,8 @@ EXTRAS := onboard,shore,report
 # Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to the others. All others start
 # real programs and wait for them most of the time: several workers, each with pseudo-terminals of its own, which needs root
 # (tests/own_terminals.py). Marked `alone` is what judges processor time or delays.
-PURE := $(addprefix tests/,acquire floor lab layout messages navigate simulate station)
-REAL := $(addprefix tests/,link service system)
+PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
+REAL := $(addprefix tests/,floor link service system)
 TOGETHER := $(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target
 
 .PHONY: demo test test-slow fast fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
