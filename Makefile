@@ -59,7 +59,7 @@ fast-real: WORKERS := $(if $(filter 0,$(shell id -u)),4,0)
 slow-real: WORKERS := 6
 
 fast-pure slow-pure:
-	nice -n 5 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
+	nice -n 2 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
 
 fast-real slow-real:
 	$(BIN)/pytest -q -m "$(TIER) and not alone" -n $(WORKERS) --dist worksteal $(REAL)
