@@ -5,14 +5,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
-FAST := -m "not slow"
-# Tests whose result no other work on the machine can change run on all cores: those that wait for no clock, and those
-# that wait most of their time.
-PURE := $(addprefix tests/,acquire floor lab layout link messages navigate simulate station)
-WAITING := $(addprefix tests/system/test_,outages.py board_ends.py meeting.py wrong_clocks.py addresses.py)
-REAL := $(addprefix --ignore=,$(PURE) $(WAITING))
+# Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to the others. All others start
+# real programs and wait for them most of the time: several workers, each with pseudo-terminals of its own, which needs root
+# (tests/own_terminals.py). Marked `alone` is what judges processor time or delays.
+PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
+REAL := $(addprefix tests/,floor link service system)
+TOGETHER := $(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target
 
-.PHONY: demo test test-slow golden soak nightly loopback lint check-python clean help
+.PHONY: demo test test-slow fast fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
 
 help:
 	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
@@ -47,13 +47,26 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/lint-imports
 
 test: lint
-	$(BIN)/pytest $(FAST) -n auto $(PURE)
-	$(BIN)/pytest $(FAST) $(REAL)
+	@$(MAKE) --no-print-directory fast
+
+fast: $(VENV)/dev.stamp
+	@$(TOGETHER) fast-pure fast-real
+	$(BIN)/pytest -m "not slow and alone"
+
+fast-pure fast-real: TIER := not slow
+slow-pure slow-real: TIER := slow
+fast-real: WORKERS := $(if $(filter 0,$(shell id -u)),4,0)
+slow-real: WORKERS := 6
+
+fast-pure slow-pure:
+	nice -n 2 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
+
+fast-real slow-real:
+	$(BIN)/pytest -q -m "$(TIER) and not alone" -n $(WORKERS) --dist worksteal $(REAL)
 
 test-slow: $(VENV)/dev.stamp
-	$(BIN)/pytest -m slow -n auto $(PURE)
-	$(BIN)/pytest -m slow -n 6 $(WAITING)
-	$(BIN)/pytest -m slow $(REAL)
+	@$(TOGETHER) slow-pure slow-real
+	$(BIN)/pytest -m "slow and alone"
 
 golden: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden.refresh

@@ -36,14 +36,19 @@ def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         return 0
     except BrokenPipeError:  # `| head`: who reads has had enough
-        _drop_stdout()
+        _drop(1)
         return 0
     except ModuleNotFoundError as error:
         return _refuse(program, f"{error.name} is missing; pip install 'wayfix[{extra}]'")
     except OSError as error:
-        _drop_stdout()
+        _drop(1)
         where = f" {error.filename}" if error.filename else ""
         return _refuse(program, printable(f"the system refuses{where} ({error.strerror}); check space and rights"))
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:  # a terminal that is gone or full: the interpreter's end would make that exit code 120
+            _drop(2)
 
 
 def sentence_of(error: WayfixError) -> str:
@@ -106,6 +111,6 @@ def _refuse(program: str, sentence: str) -> int:
     return 2
 
 
-def _drop_stdout() -> None:
+def _drop(descriptor: int) -> None:
     """What is still buffered goes nowhere, instead of failing once more at the interpreter's end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)

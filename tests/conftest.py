@@ -6,8 +6,24 @@ import signal
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests import own_terminals
+
 settings.register_profile("quick", max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("quick")
+
+
+WHY_NO_TERMINALS = pytest.StashKey[str | None]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Each process that runs tests has pseudo-terminals of its own, where it may."""
+    config.stash[WHY_NO_TERMINALS] = own_terminals.take()
+
+
+def pytest_report_header(config: pytest.Config) -> str | None:
+    """Said once where they are not to be had."""
+    why = config.stash[WHY_NO_TERMINALS]
+    return f"pseudo-terminals: {why}" if why else None
 
 
 def pytest_sessionstart() -> None:

@@ -34,7 +34,8 @@ class Terminal:
         os.set_blocking(self._master, False)
         fresh = self.link.with_name(f".{self.link.name}.new")
         fresh.unlink(missing_ok=True)
-        fresh.symlink_to(os.ttyname(self._keeper))
+        # Not by its number in /dev/pts: once this process was killed, that is the next pseudo-terminal of anybody.
+        fresh.symlink_to(f"/proc/{os.getpid()}/fd/{self._keeper}")
         # Replaced in one step: whoever looks sees the old or the new device, never no link.
         fresh.replace(self.link)
 

@@ -5,6 +5,10 @@ from fractions import Fraction
 from functools import reduce
 from operator import xor
 
+import pytest
+
+FEW_OR_MANY = pytest.mark.parametrize("count", [2_000, pytest.param(20_000, marks=pytest.mark.slow)])
+"""So many damaged sentences, the first of them the same in both tiers."""
 NASTY = [
     "", "nan", "inf", "-inf", "1_0.5", "1e5", "9" * 400, "-1", "+1", " 1", "0x10", ".", "1.", ".5", "--1", "٣", "1,1",
     "6000.0", "9000.0001", "8960.0", "18000.1", "360.0", "999999", "000000", "235960", "240000", "310226", "N", "S",

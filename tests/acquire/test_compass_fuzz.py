@@ -16,10 +16,9 @@ import pytest
 from common.framer import Measurement
 from common.messages import Attitude, Heading
 from onboard.devices import Accepted, Ignored, Line, Outcome, PortDecoder, Rejected, make_driver
-from tests.acquire.mutations import DIGITS, exact
+from tests.acquire.mutations import DIGITS, FEW_OR_MANY, exact
 from tests.acquire.sentences import S, compass, sealed
 
-COUNT = 20_000
 TCM2 = [
     "C328.3P28.4R-12.4X55.11Y12.33Z-18.43T22.3E001",
     "C309.8P4.0R-2.9T25.1",
@@ -177,13 +176,14 @@ def outcomes(model: str, injected: list[bytes]) -> list[Outcome]:
     return found
 
 
+@FEW_OR_MANY
 @pytest.mark.parametrize(("model", "bodies"), [("tcm2", TCM2), ("hmr3000", HPR)])
-def test_the_checksum_finds_every_single_damaged_byte(model: str, bodies: list[str]) -> None:
+def test_the_checksum_finds_every_single_damaged_byte(count: int, model: str, bodies: list[str]) -> None:
     """The old checksum over a damaged body: XOR misses damage only where two bytes changed alike."""
     rng = random.Random(f"old {model}")
     good = [sealed(body) for body in bodies]
     injected = []
-    for _ in range(COUNT // 4):
+    for _ in range(count // 4):
         data = bytearray(rng.choice(good))
         at = rng.randrange(1, len(data) - 3)
         data[at] ^= rng.choice([1 << bit for bit in range(8)])
@@ -200,12 +200,13 @@ def test_the_checksum_finds_every_single_damaged_byte(model: str, bodies: list[s
     assert found["checksum"] == len(injected) - high - control - inside
 
 
+@FEW_OR_MANY
 @pytest.mark.parametrize(("model", "bodies"), [("tcm2", TCM2), ("hmr3000", HPR), ("kvh-c100", KVH)])
-def test_what_is_accepted_is_what_the_bytes_say(model: str, bodies: list[str]) -> None:
+def test_what_is_accepted_is_what_the_bytes_say(count: int, model: str, bodies: list[str]) -> None:
     """Damage behind a right checksum, or where there is none (KVH)."""
     rng = random.Random(f"new {model}")
     injected = []
-    for _ in range(COUNT):
+    for _ in range(count):
         text = mutate(rng, rng.choice(bodies))
         injected.append(text.encode("latin-1") if model == "kvh-c100" else sealed(text))
     accepted = 0
@@ -216,12 +217,13 @@ def test_what_is_accepted_is_what_the_bytes_say(model: str, bodies: list[str]) -
             check(outcome.measurements, SAYS[model](data))
     rejected = sum(isinstance(one, Rejected) for one in found)
     ignored = sum(isinstance(one, Ignored) for one in found)
-    assert accepted + rejected + ignored == COUNT
+    assert accepted + rejected + ignored == count
     # Enough must get through, or the check above has checked nothing.
-    assert accepted > COUNT // 20, accepted
+    assert accepted > count // 20, accepted
 
 
-def test_counters_equal_what_was_injected() -> None:
+@FEW_OR_MANY
+def test_counters_equal_what_was_injected(count: int) -> None:
     """One driver, one fault in each line: so many lines of a kind in, so many of its reason out."""
     rng = random.Random(3)
     faults = {
@@ -236,7 +238,7 @@ def test_counters_equal_what_was_injected() -> None:
     port = PortDecoder([make_driver(compass(model="tcm2"))])
     injected: Counter[str] = Counter()
     found: Counter[str] = Counter()
-    for number in range(COUNT):
+    for number in range(count):
         fault = rng.choice([*faults, "checksum", "no-checksum", "prompt"])
         data = sealed(faults.get(fault, faults["accepted"])())
         if fault == "checksum":

@@ -16,10 +16,9 @@ from fractions import Fraction
 from common.framer import ImuSample, Measurement
 from common.messages import Attitude, ClockPair, Fix, Heading
 from onboard.devices import Accepted, Ignored, PortDecoder, Rejected, make_driver
-from tests.acquire.mutations import exact, has_right_checksum, mutate, same, same_angle, time_of_day
+from tests.acquire.mutations import FEW_OR_MANY, exact, has_right_checksum, mutate, same, same_angle, time_of_day
 from tests.acquire.sentences import compass, gps, imu, line, sealed
 
-COUNT = 20_000
 BODIES = [
     "GPGGA,120000.000,3747.0873,S,17518.8938,E,1,08,1.1,59.9,M,23.7,M,,0000",
     "GNRMC,120000.000,A,3747.0873,S,17518.8938,E,12.69,181.39,311226,,,A",
@@ -128,10 +127,11 @@ def check(data: bytes, found: list[Measurement]) -> None:
             check_utc(measurement.utc_ns, f[0], *day)
 
 
-def test_damaged_sentences() -> None:
+@FEW_OR_MANY
+def test_damaged_sentences(count: int) -> None:
     rng = random.Random(20260715)
     accepted = 0
-    for number in range(COUNT):
+    for number in range(count):
         original = rng.choice(BODIES)
         body = mutate(rng, original)
         data = sealed(body)
@@ -143,7 +143,7 @@ def test_damaged_sentences() -> None:
             accepted += 1
             check(data, found)
     # Far from nothing must get through, or the check above has checked nothing.
-    assert accepted > COUNT // 20
+    assert accepted > count // 20
 
 
 def test_the_undamaged_sentences_pass_the_same_check() -> None:
@@ -214,11 +214,12 @@ def check_matrix(found: Attitude, values: dict[str, str]) -> None:
         assert abs(math.cos(pitch) * math.cos(yaw) - sent[0]) < 0.02
 
 
-def test_damaged_arduimu_lines() -> None:
+@FEW_OR_MANY
+def test_damaged_arduimu_lines(count: int) -> None:
     rng = random.Random(1971)
     driver = make_driver(imu())
     accepted = 0
-    for _ in range(COUNT):
+    for _ in range(count):
         data = mutate(rng, rng.choice(IMU_LINES)).replace("q", ":").encode("latin-1")
         outcome = driver.feed(line(data))
         assert isinstance(outcome, Accepted | Rejected | Ignored)
@@ -227,7 +228,7 @@ def test_damaged_arduimu_lines() -> None:
         if isinstance(outcome, Accepted):
             accepted += 1
             check_imu(data, outcome.measurements)
-    assert accepted > COUNT // 20
+    assert accepted > count // 20
 
 
 def test_the_undamaged_arduimu_lines_pass_the_same_check() -> None:

@@ -12,10 +12,9 @@ from common.boat_config import SensorTable
 from common.framer import Measurement
 from common.messages import AisLine, RadarTarget, RawLine, TurnRate
 from onboard.devices import Accepted, Ignored, PortDecoder, Rejected, make_driver
-from tests.acquire.mutations import exact, has_right_checksum, mutate, same, same_angle, time_of_day
+from tests.acquire.mutations import FEW_OR_MANY, exact, has_right_checksum, mutate, same, same_angle, time_of_day
 from tests.acquire.sentences import ARDUIMU, compass, gps, imu, line, sealed
 
-COUNT = 20_000
 SENTENCES = [
     sealed("RATTM,01,0.52,247.9,T,11.3,235.8,T,0.11,-2.7,N,1 (Broadband 4G),T,,135647,M"),
     sealed("RATTM,12,2.5,10.0,R,10.5,20.0,R,1.25,12.5,K,,T,R,101112.50,A"),
@@ -96,11 +95,12 @@ def check(data: bytes, found: tuple[Measurement, ...]) -> None:
             assert re.fullmatch("![A-Z0-9]{2}VD[MO],[1-9],[1-9],[0-9]?,[A-Z0-9]?,[0-W`-w]*,[0-5](,[0-9]*)?", text[:-3])
 
 
-def test_damaged_sentences() -> None:
+@FEW_OR_MANY
+def test_damaged_sentences(count: int) -> None:
     rng = random.Random(20261122)
     counts: Counter[str] = Counter()
     decoder = port()
-    for number in range(COUNT):
+    for number in range(count):
         original = rng.choice(SENTENCES)
         data = original[:1] + sealed(mutate(rng, original[1:-3].decode()))[1:]
         if number % 2:
@@ -114,8 +114,8 @@ def test_damaged_sentences() -> None:
                 check(data, outcome.measurements)
         else:
             assert isinstance(outcome, Rejected | Ignored)
-    assert counts.total() == COUNT
-    assert counts["Accepted"] > COUNT // 20
+    assert counts.total() == count
+    assert counts["Accepted"] > count // 20
 
 
 def test_the_undamaged_sentences_pass_the_same_check() -> None:

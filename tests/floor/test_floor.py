@@ -30,7 +30,7 @@ print(json.dumps({{name: [made.version, str(made.locate_file(""))] for name, mad
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The interpreter of an environment over Debian's packages; pytest and hypothesis are all that is added."""
+    """The interpreter of an environment over Debian's packages; pytest, xdist and hypothesis are all that is added."""
     if not has_libraries(LIBRARIES):
         pytest.skip(f"Debian's Python packages are missing; apt-get install {PACKAGES}")
     directory = tmp_path_factory.mktemp("floor")
@@ -38,7 +38,9 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wheel = make_wheel(directory)
     subprocess.run([SYSTEM_PYTHON, "-m", "venv", "--system-site-packages", environment], check=True, timeout=120)
     pip: list[str | Path] = [environment / "bin" / "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, "-c", REPOSITORY / "constraints.txt", "pytest", "hypothesis"], check=True, timeout=300)
+    subprocess.run(
+        [*pip, "-c", REPOSITORY / "constraints.txt", "pytest", "pytest-xdist", "hypothesis"], check=True, timeout=300
+    )
     subprocess.run([*pip, "--no-deps", "--no-index", wheel], check=True, timeout=120)
     (packages,) = environment.glob("lib/python3*/site-packages")
     shutil.copy(Path(__file__).parent / "only_the_board.py", packages)
@@ -46,7 +48,13 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return environment / "bin" / "python"
 
 
-def test_common_and_onboard_pass_their_tests_on_the_floor(python: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("which", "enough", "workers"),
+    [("not alone", ENOUGH_TESTS, 2), pytest.param("alone", 1, 0, marks=pytest.mark.alone)],
+)
+def test_common_and_onboard_pass_their_tests_on_the_floor(
+    python: Path, tmp_path: Path, which: str, enough: int, workers: int
+) -> None:
     versions = json.loads(subprocess.check_output([python, "-c", VERSIONS], text=True))
     if {name: version for name, (version, _) in versions.items()} != FLOOR:
         pytest.skip(f"this is not Debian 12, the floor: {versions}")
@@ -54,8 +62,9 @@ def test_common_and_onboard_pass_their_tests_on_the_floor(python: Path, tmp_path
 
     report = tmp_path / "report.xml"
     line: list[str | Path] = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junit-xml={report}", *FOLDERS]
+    line += ["-m", which, "-n", str(workers)]
     line += [f"--ignore={file}" for file in LEFT_OUT]
     done = subprocess.run(line, cwd=REPOSITORY, capture_output=True, text=True, timeout=900, check=False)
     print(done.stdout[-300:])
     assert done.returncode == 0, done.stdout[-6000:]
-    assert report.read_text(encoding="utf-8").count("<testcase ") >= ENOUGH_TESTS
+    assert report.read_text(encoding="utf-8").count("<testcase ") >= enough

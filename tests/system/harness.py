@@ -150,7 +150,8 @@ def boat(directory: Path, *, speed: float = 4.0, seconds: float = 600.0) -> Iter
         daemon.ready()
         yield Boat(virtual, daemon, ready)
     finally:
-        for process in processes:
+        # The daemon first: behind a killed boat's ports it might find another program's terminals.
+        for process in reversed(processes):
             process.end()
 
 

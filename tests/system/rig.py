@@ -46,7 +46,7 @@ class Device:
 
     @property
     def number(self) -> str:
-        return str(self.terminal.link.readlink())
+        return os.path.realpath(self.terminal.link)
 
     def step(self) -> None:
         now_s = time.monotonic()

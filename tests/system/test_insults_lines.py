@@ -8,10 +8,13 @@ import time
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 from onboard.virtual.terminal import Terminal
 from tests.system.rig import SILENCE, cpu_s, figure, hdg, rig, sealed, speaking
 
 
+@pytest.mark.alone
 def test_a_wrong_baud_rate_is_one_event_that_says_so_and_its_end_is_one(tmp_path: Path) -> None:
     chance = random.Random(1)
     with rig(tmp_path, "one", "two", clock_rate=8, rate_hz=40) as board:
@@ -163,6 +166,7 @@ class Flood(threading.Thread):
                 due -= len(data)
 
 
+@pytest.mark.alone
 def test_a_flood_of_a_megabyte_a_second_takes_no_line_from_the_other_port(tmp_path: Path) -> None:
     with rig(tmp_path, "one", "two") as board:
         since = speaking(board)

@@ -13,6 +13,8 @@ from common.units import NS_PER_S
 from shore.logbook.log_reader import read_log
 from tests.system.harness import command
 
+pytestmark = pytest.mark.alone
+
 SECONDS, SPEED = 40, 8
 RATES = {"gps1": 1, "compass1": 10, "imu1": 20}
 

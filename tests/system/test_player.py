@@ -75,6 +75,7 @@ def newest(frames: list[Frame]) -> dict[str, SensorHealth]:
     return {report.sensor: report for frame in frames for report in frame.health}
 
 
+@pytest.mark.alone  # at eight times the speed a stall of 20 ms is a pause between two sentences of one epoch
 @pytest.mark.parametrize(
     ("name", "lines", "fixes"),
     [

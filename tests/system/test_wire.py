@@ -118,6 +118,7 @@ def test_without_the_right_key_there_is_one_sentence_and_no_byte_of_data(tmp_pat
         assert len(refused) == 1, running.daemon.err  # once a minute
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_a_station_that_is_revoked_gets_no_frame_later_than_a_second(tmp_path: Path) -> None:
     """It goes on asking over its old connection, as ours would not, and over a new one."""
@@ -185,7 +186,9 @@ def test_a_start_that_fails_is_one_sentence_and_leaves_nothing(tmp_path: Path) -
         fails = [sys.executable, "-c", EVERYBODY, *map(str, arguments), "tcp://127.0.0.1:*"]
         done = subprocess.run(fails, capture_output=True, text=True, timeout=10, check=False)
         assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1), done.stderr
-        assert "a stranger's key is not refused: its message was received" in done.stderr
+        # The message, or on a busy machine the handshake before it (event 4096, ZMQ_EVENT_HANDSHAKE_SUCCEEDED).
+        told = ("its message was received", "event 4096, 0")
+        assert any(f"a stranger's key is not refused: {words};" in done.stderr for words in told), done.stderr
         assert left_in(tmp_path) <= kept
         second = Process("wayfix-onboard", *arguments, "tcp://127.0.0.1:*")  # what the failures left is no hindrance
         second.ready()
