@@ -1,11 +1,9 @@
 """Frames -> a log like that of a live run. Every time in it is of the data, none of the clock on the wall."""
 
-from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import median_low
 from typing import Any, Final
 
 from common.boat_config import BoatConfig
@@ -19,8 +17,6 @@ from shore.pipeline import Output, Pipeline
 from shore.watchers.log import WholeLog
 from shore.watchers.watcher import Arrival, RunSeconds, Start, Step, Watcher, Watchers
 
-ENOUGH: Final = 6_000
-"""So many frames or fixes with a date (ten minutes of frames) tell the UTC of a recording."""
 MEASUREMENTS: Final = ("fixes", "headings", "turn_rates", "attitudes", "ais", "radar")
 
 
@@ -42,21 +38,6 @@ class Written:
     """Estimates of the first filter that were valid."""
     events: Counter[str] = field(default_factory=Counter)
     """By level."""
-
-
-def utc_offset_ns(frames: Iterable[Frame]) -> int | None:
-    """UTC less boat time, by most frames, else by most fixes; `None` where there is no date."""
-    said, usable, others = array("q"), array("q"), array("q")
-    for frame in frames:
-        if frame.utc_ns is not None:
-            said.append(frame.utc_ns - frame.t0_ns)
-        for fix in frame.fixes:
-            if fix.utc_ns is not None:
-                (usable if fix.usable else others).append(fix.utc_ns - fix.t_ns)
-        if max(len(said), len(usable)) >= ENOUGH:
-            break
-    found = said or usable or others
-    return median_low(found) if found else None
 
 
 class ImportCounts(Watcher):
@@ -151,5 +132,5 @@ class LogMaker:
         return start
 
     def _log_time_ns(self, frame: Frame) -> int:
-        """UTC of the frame's end, by one offset for all: a clock that was wrong for a while does not date the trip."""
+        """UTC of the frame's end, by one offset for all (`shore.imports.recording_date`)."""
         return max(0, frame.t1_ns + (self._offset_ns or 0))

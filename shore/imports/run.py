@@ -22,10 +22,11 @@ from shore.imports.column_map import read_column_map
 from shore.imports.columns import ColumnReader
 from shore.imports.gpsd import GpsdReader
 from shore.imports.line_counts import Account
-from shore.imports.log_maker import LogMaker, Written, utc_offset_ns
+from shore.imports.log_maker import LogMaker, Written
 from shore.imports.reader import Lines, RecordingReader, digest_of
 from shore.imports.recognise import RecordingKind
 from shore.imports.record_times import NO_TIME, Plan
+from shore.imports.recording_date import utc_offset_ns
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.terminal import say
 
