@@ -16,8 +16,9 @@ from benchmarks.feeder import GPS_FIELDS, IMU_FIRST_COUNT, MODULUS, ais_number
 from common import link_messages as session
 from common.clock import boottime_ns
 from common.codec import decode_frame
-from common.messages import SCHEMA_VERSION, Frame
+from common.messages import Frame
 from common.units import STANDARD_GRAVITY_M_S2
+from common.versions import LINK_VERSION, SCHEMA_VERSION
 
 COUNTS_PER_M_S2: Final = 4096 / STANDARD_GRAVITY_M_S2
 
@@ -135,7 +136,7 @@ class Client:
         self.accepted: dict[str, int] = {}
         self.rejected: dict[str, int] = {}
         self._seq: int | None = None
-        self._send("hello", schema=SCHEMA_VERSION, link=session.LINK_VERSION, client="benchmark")
+        self._send("hello", schema=SCHEMA_VERSION, link=LINK_VERSION, client="benchmark")
         header = self._receive()[0]
         if header["type"] != "connected":
             raise SystemExit("the daemon did not greet the client")

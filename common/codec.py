@@ -21,7 +21,8 @@ from typing import Any, Final, NamedTuple, get_args, get_origin
 import msgpack
 
 from common.errors import CodecError
-from common.messages import SCHEMA_VERSION, Frame
+from common.messages import Frame
+from common.versions import SCHEMA_VERSION
 from common.wire import (
     MAX_COLUMN,
     MAX_ENTRIES,

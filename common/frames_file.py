@@ -17,7 +17,7 @@ from common import link_messages as session
 from common.atomic_file import whole_file
 from common.codec import MAX_FRAME_BYTES
 from common.errors import CodecError, WayfixError
-from common.messages import SCHEMA_VERSION
+from common.versions import SCHEMA_VERSION, schema_fault
 
 FILE_FORMAT: Final = 1
 """In the greeting's `file.format`; raised when an old reader could misread a new file."""
@@ -125,7 +125,7 @@ class FramesFile:
             greeting = session.unpack(data)
         except CodecError as error:
             raise CodecError(f"has no greeting ({error})", str(self.path), _CURE) from error
-        fault = session.schema_fault(greeting.get("schema"))
+        fault = schema_fault(greeting.get("schema"))
         if fault is not None:
             raise CodecError(fault, str(self.path))
         made = greeting.get("file")

@@ -28,11 +28,8 @@ from typing import Any, Final
 import msgpack
 
 from common.errors import CodecError
-from common.messages import SCHEMA_VERSION
 from common.untrusted_msgpack import unpack_untrusted
 
-LINK_VERSION: Final = 2
-"""Of this vocabulary; 1 had neither leases nor keys."""
 MAX_HEADER_BYTES: Final = 16_384
 """Of a message to the board."""
 MAX_RUN_FRAMES: Final = 10_000_000
@@ -126,25 +123,6 @@ def unpack(data: bytes, limit: int = MAX_HEADER_BYTES) -> dict[str, Any]:
     if not isinstance(message, dict) or message.get("type") not in TYPES:
         raise CodecError("not a message of this protocol")
     return message
-
-
-def schema_fault(other: object) -> str | None:
-    """Why we cannot read frames of schema `other`, or `None`: the numbers must be equal (`SCHEMA_VERSION`)."""
-    return _fault("schema", other, SCHEMA_VERSION)
-
-
-def version_fault(greeting: dict[str, Any]) -> str | None:
-    """Why we cannot talk to the sender of this `hello` or `connected`, or None: both numbers must be equal to ours."""
-    return schema_fault(greeting.get("schema")) or _fault("link", greeting.get("link", 1), LINK_VERSION)
-
-
-def _fault(name: str, other: object, ours: int) -> str | None:
-    if not isinstance(other, int) or isinstance(other, bool):
-        return f"the other side names no {name} version"
-    if other == ours:
-        return None
-    newer = "the other side" if other > ours else "this side"
-    return f"{name} {other} there, {ours} here: {newer} is newer, install the same version on both"
 
 
 def lease_of(message: dict[str, Any]) -> Lease:

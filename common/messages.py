@@ -15,9 +15,6 @@ from typing import Annotated, Final
 
 from common.field_bounds import MaxLength, OneOf, Range
 
-SCHEMA_VERSION: Final = 1
-"""Raised only when an old reader could misread a new frame."""
-
 Latitude = Annotated[float, Range(-90.0, 90.0)]
 Longitude = Annotated[float, Range(-180.0, 180.0)]
 Direction = Annotated[float, Range(0.0, 360.0)]

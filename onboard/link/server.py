@@ -19,8 +19,9 @@ from common.clock import boottime_ns
 from common.codec import encode_frame
 from common.errors import CodecError, WayfixError
 from common.keys import fingerprint
-from common.messages import SCHEMA_VERSION, Frame
+from common.messages import Frame
 from common.units import NS_PER_S
+from common.versions import LINK_VERSION, SCHEMA_VERSION, version_fault
 from onboard.journal import Journal
 from onboard.link.backfill import Filling
 from onboard.link.router import Router
@@ -184,7 +185,7 @@ class Server:
             self.malformed += 1
 
     def _hello(self, routing_id: bytes, message: dict[str, Any]) -> None:
-        fault = session.version_fault(message)
+        fault = version_fault(message)
         if fault is not None:
             self._reply(routing_id, "error", what=fault, cure="")
             return
@@ -192,7 +193,7 @@ class Server:
 
     def _greet(self, routing_id: bytes) -> None:
         runs = [[run.boot_id, run.start_no, run.first_seq, run.next_seq] for run in self._store.runs()]
-        greeting = {"schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "runs": runs[-session.MAX_RUNS :]}
+        greeting = {"schema": SCHEMA_VERSION, "link": LINK_VERSION, "runs": runs[-session.MAX_RUNS :]}
         self._reply(routing_id, "connected", **greeting, **self._connected())
 
     def _lease(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
@@ -206,7 +207,7 @@ class Server:
         if client is None:
             if self._stopping is not None:
                 return
-            if "schema" in message and (fault := session.version_fault(message)) is not None:
+            if "schema" in message and (fault := version_fault(message)) is not None:
                 self._reply(routing_id, "error", what=fault, cure="")
                 return
             if (refusal := self._refusal(key)) is not None:

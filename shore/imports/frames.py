@@ -11,9 +11,10 @@ from typing import Any, Final, NamedTuple
 from common.boat_config import BoatConfig, BoatTable, FramesTable, PortTable, SensorTable
 from common.events import event
 from common.framer import Framer, Identity, ImuSample, Measurement, Utc
-from common.messages import SCHEMA_VERSION, Frame
+from common.messages import Frame
 from common.settings import as_dict
 from common.units import NS_PER_S
+from common.versions import SCHEMA_VERSION
 from shore.imports.record_times import JUMP_NS
 
 EMPTY_NS: Final = 60 * NS_PER_S

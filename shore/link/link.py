@@ -16,8 +16,8 @@ from common.clock import boottime_ns
 from common.clock_offset import ClockOffset
 from common.errors import CodecError, LinkError, NoAnswerError, WayfixError
 from common.link_messages import BoundedRun, FrameRange, Lease
-from common.messages import SCHEMA_VERSION
 from common.units import NS_PER_S
+from common.versions import LINK_VERSION, SCHEMA_VERSION, version_fault
 from shore.link.session_state import RETRY_NS, LinkMachine, LinkState
 from shore.link.transport import MAX_MESSAGE_BYTES, HandshakeFault, LinkKeys, Transport
 from shore.link.zmq_transport import ZmqTransport
@@ -199,7 +199,7 @@ class Link:
         self._transport.close()
 
     def _greeted(self, message: dict[str, Any]) -> dict[str, Any]:
-        fault = session.version_fault(message)
+        fault = version_fault(message)
         if fault is not None:
             raise LinkError(fault, self.endpoint)
         if missing := [name for name in REQUIRED if name not in message]:
@@ -235,7 +235,7 @@ class Link:
         return self._machine.due_ns(now_ns)
 
     def _say_hello(self, now_ns: int) -> bool:
-        versions = {"schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "client": self._client}
+        versions = {"schema": SCHEMA_VERSION, "link": LINK_VERSION, "client": self._client}
         if not self._is_stream:
             return self._send("hello", **versions, session=self._session)
         lease = Lease(self._session, NO_BOOT, self._window, self._machine.received_bytes, now_ns)

@@ -30,7 +30,8 @@ import zmq
 from common import link_messages as session
 from common.codec import decode_frame, encode_frame
 from common.keys import KeyPair, new_keys
-from common.messages import SCHEMA_VERSION, Fix, Frame
+from common.messages import Fix, Frame
+from common.versions import LINK_VERSION, SCHEMA_VERSION
 from onboard.link.access import Access
 
 APP = Path("/mnt/app")
@@ -190,7 +191,7 @@ class Client:
         self._renewed_s = 0.0
 
     def run(self) -> None:
-        hello = session.pack("hello", schema=SCHEMA_VERSION, link=session.LINK_VERSION, client="arm")
+        hello = session.pack("hello", schema=SCHEMA_VERSION, link=LINK_VERSION, client="arm")
         self.socket.send(hello)
         head, _ = self._next(PATIENCE_MS)
         assert head is not None, "no answer to hello"

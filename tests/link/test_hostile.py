@@ -16,6 +16,7 @@ from common import link_messages as session
 from common.codec import encode_frame
 from common.errors import CodecError
 from common.link_messages import BoundedRun, FrameRange, Lease
+from common.versions import LINK_VERSION
 from onboard.link.bounded_run import GATHERED_BYTES, InOrder
 from onboard.link.server import COMMANDS_AT_ONCE, NEWS_AT_ONCE, SESSIONS_OF_KEY, Limits
 from onboard.link.sessions import Pace
@@ -32,7 +33,7 @@ def valid_message(draw: random.Random) -> dict[str, Any]:
     name = f"{draw.randrange(64):x}"
     match draw.randrange(8):
         case 0:
-            return {"type": "hello", "schema": 1, "link": session.LINK_VERSION}
+            return {"type": "hello", "schema": 1, "link": LINK_VERSION}
         case 1:
             return {"type": "command", "id": draw.randrange(9), "name": "mark", "argument": "x"}
         case 2:

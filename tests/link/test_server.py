@@ -10,9 +10,9 @@ import zmq.asyncio
 
 from common import link_messages as session
 from common.errors import WayfixError
-from common.link_messages import LINK_VERSION, BoundedRun, FrameRange, Lease
-from common.messages import SCHEMA_VERSION
+from common.link_messages import BoundedRun, FrameRange, Lease
 from common.units import NS_PER_S
+from common.versions import LINK_VERSION, SCHEMA_VERSION
 from onboard.link.router import Router
 from onboard.link.server import Limits
 from tests.link.bench import BOOT, PERIOD_NS, Bench, Client, on_bench

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from common.codec import MAX_FRAME_BYTES, decode_frame, encode_frame
 from common.errors import CodecError
 from common.field_bounds import MaxLength, OneOf, Range
-from common.messages import SCHEMA_VERSION, Event, Frame, Heading, RadarTarget, SensorHealth, TurnRate
+from common.messages import Event, Frame, Heading, RadarTarget, SensorHealth, TurnRate
+from common.versions import SCHEMA_VERSION
 from tests.strategies import (
     BLOCK,
     FIX,

@@ -8,7 +8,7 @@ import pytest
 
 from common import link_messages as session
 from common.errors import CodecError
-from common.messages import SCHEMA_VERSION
+from common.versions import SCHEMA_VERSION, schema_fault
 
 
 @pytest.mark.parametrize("kind", session.TYPES)
@@ -54,8 +54,8 @@ def test_any_bytes_raise_nothing_but_codec_error() -> None:
 
 
 def test_schema_fault_says_which_side_is_newer() -> None:
-    assert session.schema_fault(SCHEMA_VERSION) is None
-    assert "the other side is newer" in str(session.schema_fault(SCHEMA_VERSION + 1))
-    assert "this side is newer" in str(session.schema_fault(SCHEMA_VERSION - 1))
+    assert schema_fault(SCHEMA_VERSION) is None
+    assert "the other side is newer" in str(schema_fault(SCHEMA_VERSION + 1))
+    assert "this side is newer" in str(schema_fault(SCHEMA_VERSION - 1))
     for nothing in (None, "1", True, 1.0):
-        assert "no schema version" in str(session.schema_fault(nothing))
+        assert "no schema version" in str(schema_fault(nothing))

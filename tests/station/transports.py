@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from common import link_messages as session
-from common.messages import SCHEMA_VERSION
 from common.units import NS_PER_S
+from common.versions import LINK_VERSION, SCHEMA_VERSION
 from shore.link.transport import HandshakeFault
 
 GREETING: Final = {
-    "schema": SCHEMA_VERSION, "link": session.LINK_VERSION, "boot_id": "b0", "next_seq": 0, "runs": [], "config": {},
+    "schema": SCHEMA_VERSION, "link": LINK_VERSION, "boot_id": "b0", "next_seq": 0, "runs": [], "config": {},
 }  # fmt: skip
 
 
