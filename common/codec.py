@@ -21,18 +21,17 @@ from typing import Any, Final, NamedTuple, get_args, get_origin
 import msgpack
 
 from common.errors import CodecError
+from common.imu_columns import MAX_COLUMN, column_converters, column_format
 from common.messages import Frame
 from common.versions import SCHEMA_VERSION
 from common.wire import (
-    MAX_COLUMN,
     MAX_ENTRIES,
     Convert,
     Fault,
-    column_format,
     decode_time,
     encode_time,
     list_converter,
-    value_converters,
+    value_converter,
     whole_us_time,
     wrong_type,
 )
@@ -134,9 +133,12 @@ def _wire_form(cls: type, name: str, hint: Any) -> tuple[str, Convert, Convert]:
 
 def _converters(hint: Any) -> tuple[Convert, Convert]:
     """(encode, decode) of a field; `tuple[SomeMessage, ...]` is a list of messages."""
+    if code := column_format(hint):
+        return column_converters(code)
     item = get_args(hint)[0] if get_origin(hint) is tuple else None
     if not dataclasses.is_dataclass(item):
-        return value_converters(hint)
+        check = value_converter(hint)
+        return check, check
     spec = _compile(typing.cast("type", item))
     return list_converter(partial(_encode_message, spec), tuple), list_converter(partial(_decode_message, spec), list)
 

@@ -1,12 +1,11 @@
 """Wire types: from a field's annotation to the functions that check and convert it (used by `common.codec`).
 
 A converter takes (value, t0_ns of the frame) and returns the checked value or raises Fault. Most are the same for both
-directions; columns, times and lists come in pairs (encode, decode).
+directions; times and lists come in pairs (encode, decode).
 """
 
 import math
 import reprlib
-import struct
 import sys
 import types
 import typing
@@ -18,8 +17,6 @@ from common.units import NS_PER_US
 
 MAX_ENTRIES: Final = 8192
 """Of one list or map."""
-MAX_COLUMN: Final = 65_536
-"""Samples in one column: a minute of a 1 kHz IMU."""
 MAX_TEXT: Final = 4096
 """Characters, where a field names no smaller limit."""
 
@@ -52,8 +49,8 @@ def wrong_type(wanted: str, value: Any) -> Fault:
     return Fault(f"must be {wanted}, got {reprlib.repr(value)}")
 
 
-def value_converters(hint: Any) -> tuple[Convert, Convert]:
-    """(encode, decode) for scalars, maps and columns; None, messages and lists of messages are the codec's."""
+def value_converter(hint: Any) -> Convert:
+    """Of a scalar or map, for both directions; None, columns, messages and lists of messages are the codec's."""
     bounds: tuple[Any, ...] = ()
     if get_origin(hint) is Annotated:
         hint, *rest = get_args(hint)
@@ -62,15 +59,11 @@ def value_converters(hint: Any) -> tuple[Convert, Convert]:
     if origin in (typing.Union, types.UnionType):
         arms = [arm for arm in get_args(hint) if arm is not type(None)]
         if len(arms) > 1:
-            return _plain, _plain
-        return value_converters(arms[0])
+            return _plain
+        return value_converter(arms[0])
     if origin is dict:
-        check = _dict(value_converters(get_args(hint)[1])[0])
-    elif code := column_format(hint):
-        return _column_encoder(code), _column_decoder(code)
-    else:
-        check = _SCALARS[hint](bounds)
-    return check, check
+        return _dict(value_converter(get_args(hint)[1]))
+    return _SCALARS[hint](bounds)
 
 
 def _number_bounds(bounds: tuple[Any, ...], low: Any, high: Any) -> tuple[Range, Any, Any]:
@@ -198,47 +191,6 @@ def list_converter(item: Convert, kind: "type[tuple[Any, ...] | list[Any]]") -> 
         return other(items)
 
     return convert
-
-
-# --- columns and times ----------------------------------------------------------------------------------------------
-
-
-def column_format(hint: Any) -> str | None:
-    """The struct letter of a column's entries, or `None` when the field is no column."""
-    return {tuple[float, ...]: "f", tuple[int, ...]: "I"}.get(hint)
-
-
-def _column_encoder(code: str) -> Convert:
-    def encode(values: Any, _t0_ns: int) -> bytes:
-        if not isinstance(values, tuple) or bool in map(type, values):
-            raise wrong_type("a column of numbers", values)
-        if len(values) > MAX_COLUMN:
-            raise Fault(f"must have at most {MAX_COLUMN} samples, got {len(values)}")
-        try:
-            data = struct.pack(f"<{len(values)}{code}", *values)
-        except (struct.error, OverflowError, TypeError) as error:
-            raise Fault(f"a sample does not fit in 32 bits ({error})") from None
-        if not math.isfinite(sum(values)):
-            raise Fault("every sample must be finite")
-        return data
-
-    return encode
-
-
-def _column_decoder(code: str) -> Convert:
-    def decode(data: Any, _t0_ns: int) -> tuple[Any, ...]:
-        if type(data) is not bytes:
-            raise wrong_type("a column (bytes)", data)
-        count, rest = divmod(len(data), 4)
-        if rest:
-            raise Fault(f"must be whole 32-bit samples, got {len(data)} bytes")
-        values = struct.unpack(f"<{count}{code}", data)
-        # f32 cannot overflow an f64 sum, so the sum is finite exactly when every sample is.
-        if not math.isfinite(sum(values)):
-            raise Fault("every sample must be finite")
-        return values
-
-    return decode
 
 
 def encode_time(t_ns: Any, t0_ns: int) -> int:
