@@ -6,7 +6,6 @@ and every value has a range. What does not pass raises `FieldFault`, caught in `
 
 import re
 from dataclasses import dataclass
-from datetime import date
 from typing import Final
 
 from common.units import METRES_PER_NAUTICAL_MILE
@@ -16,7 +15,6 @@ _DIGITS = re.compile(r"[0-9]+")
 _LATITUDE = re.compile(r"([0-9]{2})([0-9]{2}(?:\.[0-9]+)?)")
 _LONGITUDE = re.compile(r"([0-9]{3})([0-9]{2}(?:\.[0-9]+)?)")
 _TIME = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})(?:\.([0-9]+))?")
-_DATE = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})")
 
 UNKNOWN_DILUTION: Final = 99.0
 """Receivers write 99.9 or 99.99 where no dilution is known; 0.0 is no dilution either."""
@@ -145,38 +143,3 @@ def time_of_day_ms(text: str) -> int | None:
     if hour > 23 or minute > 59 or (second > 59 and not leap):
         raise FieldFault("time")
     return ((hour * 60 + minute) * 60 + second) * 1000 + int((match[4] or "")[:3].ljust(3, "0"))
-
-
-def short_date(text: str) -> date | None:
-    """`ddmmyy`; see `_year`. All zeros is what receivers write that know no date."""
-    if not text or text == "000000":
-        return None
-    match = _DATE.fullmatch(text)
-    if match is None:
-        raise FieldFault("date")
-    return _date(_year(match[3]), int(match[2]), int(match[1]))
-
-
-def long_date(day: str, month: str, year: str) -> date | None:
-    """Day, month and year (1980-2099), all of them or none (also as 00,00); a year of two digits: `_year`."""
-    if not (day or month or year) or (day, month) == ("00", "00"):
-        return None
-    if not all(_DIGITS.fullmatch(text) for text in (day, month, year)) or len(day) > 2 or len(month) > 2:
-        raise FieldFault("date")
-    if len(year) == 2:
-        return _date(_year(year), int(month), int(day))
-    if len(year) != 4 or not 1980 <= int(year) <= 2099:
-        raise FieldFault("date")
-    return _date(int(year), int(month), int(day))
-
-
-def _year(two_digits: str) -> int:
-    """1980-2079: before 1980 there was no GPS, and `80` is what a receiver that knows no date writes."""
-    return (1900 if two_digits >= "80" else 2000) + int(two_digits)
-
-
-def _date(year: int, month: int, day: int) -> date:
-    try:
-        return date(year, month, day)
-    except ValueError:
-        raise FieldFault("date") from None

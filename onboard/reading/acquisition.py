@@ -16,8 +16,8 @@ from common.framer import Framer, Identity, Measurement
 from common.messages import ClockPair, Event, Frame
 from common.settings import as_dict
 from onboard.config import byte_budget
+from onboard.devices.gps.dates import Dates
 from onboard.reading.byte_budget import ByteBudget
-from onboard.reading.dates import Dates
 from onboard.reading.line_quality import Wire
 from onboard.reading.port_chain import PortChain
 from onboard.reading.sensor_health import SensorMonitor

@@ -18,6 +18,7 @@ from common.events import event
 from common.framer import Utc
 from common.messages import ClockPair, Event
 from common.units import NS_PER_MS, NS_PER_S
+from onboard.devices.gps.dates import TOLD_AFTER
 
 WINDOW_NS: Final = 60 * NS_PER_S
 LATE_NS: Final = 750 * NS_PER_MS
@@ -34,8 +35,6 @@ FIRST_BELIEVED: Final = 2
 """The same for the first mapping: a receiver's first date may be its default one."""
 HELD_NS: Final = 10 * NS_PER_S
 """So long after it agreed a receiver holds the mapping against others."""
-TOLD_AFTER: Final = 10
-"""Pairs in a row after which a receiver that is not believed is told, once; one just woken may give a few odd dates."""
 _AGREE_NS: Final = NS_PER_S // 2
 """Less than a second: the epochs that waited in a busy board share one arrival, and differ by a second each."""
 _AT_ONCE_NS: Final = 20 * NS_PER_MS

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from common.framer import Framer, Identity, Utc
 from common.messages import ClockPair, Event
 from common.units import NS_PER_MS, NS_PER_S
+from onboard.devices.gps.dates import EARLIEST_UTC_NS, LATEST_UTC_NS, ROLLOVER_NS, Dates
 from onboard.devices.gps.driver import GpsDriver
-from onboard.reading.dates import EARLIEST_UTC_NS, LATEST_UTC_NS, ROLLOVER_NS, Dates
 from onboard.reading.utc_clock import UNCERTAINTY_NS, ClockMap
 from tests.acquire.sentences import gps, line, measured, pairs, sealed
 

@@ -127,7 +127,7 @@ class GpsDriver:
     def _clock_pair(self, epoch: Epoch, reading: Timed) -> tuple[ClockPair, ...]:
         """UTC beside the arrival of the epoch's first byte less the latency, from RMC status A or from ZDA.
 
-        Whatever the date is: `onboard.reading.dates` judges it.
+        Whatever the date is: `onboard.devices.gps.dates` judges it.
 
         Not the arrival of RMC itself: what stands before it in the burst, GSV groups above all, changes from second to
         second and would move the pair by up to 0.45 s at 4800 baud.

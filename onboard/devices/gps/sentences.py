@@ -9,6 +9,7 @@ from datetime import date
 from typing import Final
 
 from onboard.devices import nmea_fields as fields
+from onboard.devices.gps.dates import long_date, short_date
 from onboard.devices.nmea_fields import FieldFault, Position
 from onboard.devices.nmea_parser import Form, Text
 
@@ -133,7 +134,7 @@ def _rmc(text: Text) -> Rmc:
         position=None if mode == "N" else _position_under(text, status_valid),
         sog_kn=fields.number(text("spd_over_grnd"), 0.0, 1000.0),
         cog_true_deg=fields.direction(text("true_course")),
-        date=fields.short_date(text("datestamp")),
+        date=short_date(text("datestamp")),
         mode=mode,
     )
 
@@ -173,7 +174,7 @@ def _gll(text: Text) -> Gll:
 def _zda(text: Text) -> Zda:
     return Zda(
         tod_ms=fields.time_of_day_ms(text("timestamp")),
-        date=fields.long_date(text("day"), text("month"), text("year")),
+        date=long_date(text("day"), text("month"), text("year")),
     )
 
 

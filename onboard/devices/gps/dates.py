@@ -1,6 +1,6 @@
-"""Which dates of a receiver can be.
+"""Dates of satellite receivers: how they are read (two-digit years are 1980 to 2079), and which can be (week rollover).
 
-A GPS week number begins anew every 1024 weeks (19.6 years); a receiver whose firmware does not know the present turn
+A GPS week number begins again every 1024 weeks (19.6 years); a receiver whose firmware does not know the present turn
 gives a date that much in the past, with the right time of day. Such a date is repaired, +1024 weeks, only where the
 result is proved: by a mapping that it meets to the second (another receiver, or itself before its turn), or by the
 board's file, whose owner knows the receiver. A daemon alone cannot tell it from an old recording that is played, so
@@ -8,17 +8,18 @@ else it is offered in words and not used. What is repaired says so in `source`, 
 turn is the receiver's own.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from typing import Final
 
 from common.events import event
 from common.framer import Utc
 from common.messages import ClockPair, Event
 from common.units import NS_PER_S
-from onboard.reading.utc_clock import TOLD_AFTER
+from onboard.devices.nmea_fields import FieldFault
 
 EARLIEST_UTC_NS: Final = 1_704_067_200 * NS_PER_S
 """2024-01-01, before this program was first released: no boat that runs it can be earlier."""
@@ -27,8 +28,47 @@ LATEST_UTC_NS: Final = 3_471_292_800 * NS_PER_S
 ROLLOVER_NS: Final = 1024 * 7 * 86_400 * NS_PER_S
 MET_NS: Final = 2 * NS_PER_S
 """A repaired date that comes so near to the known UTC is proved."""
+TOLD_AFTER: Final = 10
+"""Pairs in a row after which a receiver that is not believed is told, once; one just woken may give a few odd dates."""
 
+_DATE = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})")
+_DIGITS = re.compile(r"[0-9]+")
 _FIRST_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def short_date(text: str) -> date | None:
+    """`ddmmyy`; see `_year`. All zeros is what receivers write that know no date."""
+    if not text or text == "000000":
+        return None
+    match = _DATE.fullmatch(text)
+    if match is None:
+        raise FieldFault("date")
+    return _date(_year(match[3]), int(match[2]), int(match[1]))
+
+
+def long_date(day: str, month: str, year: str) -> date | None:
+    """Day, month and year (1980-2099), all of them or none (also as 00,00); a year of two digits: `_year`."""
+    if not (day or month or year) or (day, month) == ("00", "00"):
+        return None
+    if not all(_DIGITS.fullmatch(text) for text in (day, month, year)) or len(day) > 2 or len(month) > 2:
+        raise FieldFault("date")
+    if len(year) == 2:
+        return _date(_year(year), int(month), int(day))
+    if len(year) != 4 or not 1980 <= int(year) <= 2099:
+        raise FieldFault("date")
+    return _date(int(year), int(month), int(day))
+
+
+def _year(two_digits: str) -> int:
+    """1980-2079: before 1980 there was no GPS, and `80` is what a receiver that knows no date writes."""
+    return (1900 if two_digits >= "80" else 2000) + int(two_digits)
+
+
+def _date(year: int, month: int, day: int) -> date:
+    try:
+        return date(year, month, day)
+    except ValueError:
+        raise FieldFault("date") from None
 
 
 class Dates:
@@ -49,13 +89,13 @@ class Dates:
             return pair
         later = replace(pair, utc_ns=pair.utc_ns + ROLLOVER_NS, source=f"{pair.source}+1024w")
         if not EARLIEST_UTC_NS <= later.utc_ns < LATEST_UTC_NS:
-            self._note(pair, "date-refused", date=_date(pair))
+            self._note(pair, "date-refused", date=_text(pair))
             return None
         is_met = known.utc_ns is not None and abs(later.utc_ns - known.utc_ns) <= MET_NS
         if is_met or pair.sensor in self._rolled_over:
-            self._note(pair, "week-rollover-repaired", date=_date(pair), later=_date(later))
+            self._note(pair, "week-rollover-repaired", date=_text(pair), later=_text(later))
             return later
-        self._note(pair, "week-rollover", date=_date(pair), later=_date(later))
+        self._note(pair, "week-rollover", date=_text(pair), later=_text(later))
         return None
 
     def _note(self, pair: ClockPair, code: str | None, **evidence: str) -> None:
@@ -70,5 +110,5 @@ class Dates:
             self._tell(event(code, pair.t_ns, pair.sensor, sensor=pair.sensor, **evidence))
 
 
-def _date(pair: ClockPair) -> str:
+def _text(pair: ClockPair) -> str:
     return (_FIRST_DAY + timedelta(seconds=pair.utc_ns // NS_PER_S)).date().isoformat()
