@@ -25,7 +25,8 @@ from common.framer import Identity
 from common.messages import Event, Fix, Frame, RawLine
 from common.units import NS_PER_S
 from onboard.journal import Journal
-from onboard.link.access import Access, Zap
+from onboard.link.allow_list import AllowList
+from onboard.link.authenticator import Zap
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
 from onboard.spool import Spool
@@ -63,7 +64,7 @@ class Board:
         self.seq = 0
         self.events: list[Event] = []
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self.access = Access(directory) if keys else None
+        self.access = AllowList(directory) if keys else None
         self.zap = None if self.access is None else Zap(self.context, self.access)
         identity = Identity("b", BOOT, "c", 1)
         journal = Journal(self.events.append, boottime_ns)

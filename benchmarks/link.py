@@ -29,7 +29,7 @@ from benchmarks.stations import Listener, PlainSub, Small, Station, crowd
 from common.clock import boottime_ns
 from common.keys import new_keys
 from common.units import NS_PER_S
-from onboard.link.access import READ, Access
+from onboard.link.allow_list import READ, AllowList
 from shore.link.transport import LinkKeys
 from tests.link.relay import Relay
 
@@ -45,7 +45,7 @@ def board(*options: str, keys: int = 0) -> Iterator[tuple[Any, int, list[LinkKey
     with tempfile.TemporaryDirectory() as place:
         stations = []
         if keys:
-            access = Access(Path(place))
+            access = AllowList(Path(place))
             for number in range(keys):
                 pair = new_keys()
                 access.add(pair.public.decode("ascii"), f"station-{number}", READ)

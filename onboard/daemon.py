@@ -23,7 +23,7 @@ from onboard.control.handlers import Commands
 from onboard.control.key_handlers import KeyRequests
 from onboard.control.socket import Control, has_terminal
 from onboard.journal import Journal
-from onboard.link.access import Access
+from onboard.link.allow_list import AllowList
 from onboard.link.guard import Guard
 from onboard.link.pairing_port import PairingPort
 from onboard.link.router import Router
@@ -87,11 +87,11 @@ class Daemon:
         runtime_dir: Path | None = None,
         *,
         notifier: Notifier | None = None,
-        access: Access | None = None,
+        allow_list: AllowList | None = None,
     ) -> None:
         """state_dir keeps start counter and spool, runtime_dir (in memory) the mark of a run that still lives.
 
-        access: whose keys are let in; None = everybody, in clear.
+        allow_list: whose keys are let in; None = everybody, in clear.
         """
         self.config = config
         self.clock = clock
@@ -109,7 +109,7 @@ class Daemon:
         reopen = {sensor: port.reopen for port in self.ports for sensor in port.chain.monitors}
         self._commands = Commands(self._status, reopen, self._journal)
         self._context = zmq.Context()
-        self._guard = Guard(self._context, access, self._journal)
+        self._guard = Guard(self._context, allow_list, self._journal)
         self.server = Server(
             Router(self._context, self._guard.secret_key),
             self.spool,

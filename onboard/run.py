@@ -48,7 +48,7 @@ def _run(arguments: argparse.Namespace) -> int:
     """Poll all sensors and stream timestamped frames until SIGTERM or Ctrl-C. One JSON line says when it is ready."""
     from onboard.config import bind_fault, load
     from onboard.daemon import Daemon
-    from onboard.link.access import Access
+    from onboard.link.allow_list import AllowList
 
     config = load(arguments.config)
     if arguments.max_clients is not None:
@@ -63,8 +63,8 @@ def _run(arguments: argparse.Namespace) -> int:
     async def run() -> None:
         state = arguments.state or _directory("STATE_DIRECTORY")
         runtime = arguments.runtime or _directory("RUNTIME_DIRECTORY")
-        access = None if arguments.open else Access(state)
-        daemon = Daemon(config, clock, state, runtime, notifier=notifier(os.environ), access=access)
+        allow_list = None if arguments.open else AllowList(state)
+        daemon = Daemon(config, clock, state, runtime, notifier=notifier(os.environ), allow_list=allow_list)
         if arguments.until_stdin_closes:
             _watch_stdin(lambda: daemon.stop("the parent process is gone"))
         await daemon.run(arguments.bind or config.link.bind, lambda ready: say_json(ready=ready))

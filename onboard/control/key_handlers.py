@@ -8,7 +8,7 @@ from common.errors import WayfixError
 from common.keys import fingerprint
 from onboard.control.socket import NAME, Handler, Lasting, text_of
 from onboard.journal import Journal
-from onboard.link.access import Access
+from onboard.link.allow_list import AllowList
 from onboard.link.pairing_port import PairingPort, Request
 
 
@@ -17,12 +17,12 @@ class KeyRequests:
 
     def __init__(
         self,
-        access: Access,
+        allow_list: AllowList,
         port: PairingPort,
         journal: Journal,
         changed: Callable[[], None],
     ) -> None:
-        self._access = access
+        self._allow_list = allow_list
         self._port = port
         self._journal = journal.child("link")
         self._changed = changed
@@ -40,16 +40,16 @@ class KeyRequests:
 
     async def reload(self) -> None:
         """Read the allow list again and tell what is wrong with it: at the start, on SIGHUP, on request."""
-        await asyncio.to_thread(self._access.reload)
+        await asyncio.to_thread(self._allow_list.reload)
         self.tell_faults()
-        count = len(self._access.entries)
+        count = len(self._allow_list.entries)
         self._journal.tell("keys-read", count=count)
         self._changed()
 
     def tell_faults(self) -> None:
         """One event when the list, as it was last read, has faults."""
-        if faults := self._access.faults:
-            file, count = str(self._access.file), len(faults)
+        if faults := self._allow_list.faults:
+            file, count = str(self._allow_list.file), len(faults)
             self._journal.tell("keys-damaged", file=file, count=count, first=faults[0])
 
     async def _pair(self, fields: dict[str, Any]) -> dict[str, Any]:
@@ -80,15 +80,15 @@ class KeyRequests:
                 "fingerprint": fingerprint(entry.key),
                 "key": entry.key,
             }
-            for entry in self._access.entries
+            for entry in self._allow_list.entries
         ]
-        own = self._access.public_key.decode("ascii")
-        return {"keys": keys, "faults": self._access.faults, "own": {"key": own, "fingerprint": fingerprint(own)}}
+        own = self._allow_list.public_key.decode("ascii")
+        return {"keys": keys, "faults": self._allow_list.faults, "own": {"key": own, "fingerprint": fingerprint(own)}}
 
     async def _revoke(self, fields: dict[str, Any]) -> dict[str, Any]:
         name = text_of(fields, "name")
         try:
-            found = await asyncio.to_thread(self._access.remove, name)
+            found = await asyncio.to_thread(self._allow_list.remove, name)
         finally:
             self._changed()
         if found:
@@ -97,4 +97,4 @@ class KeyRequests:
 
     async def _reload(self, _fields: dict[str, Any]) -> dict[str, Any]:
         await self.reload()
-        return {"keys": len(self._access.entries), "faults": self._access.faults}
+        return {"keys": len(self._allow_list.entries), "faults": self._allow_list.faults}

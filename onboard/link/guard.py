@@ -7,13 +7,14 @@ import zmq
 
 from common.keys import fingerprint
 from onboard.journal import Journal
-from onboard.link.access import COMMAND, Access, Zap
+from onboard.link.allow_list import COMMAND, AllowList
+from onboard.link.authenticator import Zap
 
 
 class Guard:
     """Who may do what. It exists before the socket that it guards, and is closed after it."""
 
-    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", access: Access | None, journal: Journal) -> None:
+    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", access: AllowList | None, journal: Journal) -> None:
         """Access: the allow list; `None` = an open link. The context is that of the link's socket."""
         self.access: Final = access
         self._journal = journal.child("link")

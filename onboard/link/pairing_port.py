@@ -17,7 +17,7 @@ from common.errors import LinkError, WayfixError
 from common.key_list import name_fault
 from common.keys import fingerprint, key_text, raw_key
 from onboard.journal import Journal
-from onboard.link.access import COMMAND, READ, Access
+from onboard.link.allow_list import COMMAND, READ, AllowList
 
 MESSAGE_S: Final = 10.0
 """A client that sends nothing for so long has failed."""
@@ -72,9 +72,9 @@ class _Pairing:
 class PairingPort:
     """At most one pairing at a time; a new one burns the code of the one before."""
 
-    def __init__(self, access: Access, boat_id: str, endpoint: str, journal: Journal) -> None:
+    def __init__(self, allow_list: AllowList, boat_id: str, endpoint: str, journal: Journal) -> None:
         """Endpoint: where the link listens, in full."""
-        self._access = access
+        self._allow_list = allow_list
         self._boat_id = boat_id
         self._endpoint = endpoint
         self._journal = journal.child("link")
@@ -88,7 +88,7 @@ class PairingPort:
             raise WayfixError(fault, "[boat] id", "change it: stations keep the boat's key by its id")
         self.close("another code was asked for")
         code = pairing.code_of(secrets.randbits(pairing.CODE_BITS))
-        public_key = raw_key(self._access.public_key.decode("ascii"))
+        public_key = raw_key(self._allow_list.public_key.decode("ascii"))
         assert public_key is not None
         nonce = secrets.token_bytes(pairing.NONCE_BYTES)
         board = pairing.Board(pairing.plain_code(code), public_key, self._boat_id, nonce=nonce, opened_ns=boottime_ns())
@@ -176,8 +176,8 @@ class PairingPort:
         one.accepted = True
         key = key_text(station)
         rights = COMMAND if one.request.command else READ
-        name = one.request.name or self._access.name_for(key)
-        await asyncio.to_thread(self._access.add, key, name, rights)
+        name = one.request.name or self._allow_list.name_for(key)
+        await asyncio.to_thread(self._allow_list.add, key, name, rights)
         shown = {"name": name, "fingerprint": fingerprint(key), "rights": ",".join(sorted(rights, reverse=True))}
         self._journal.tell("pairing-done", **shown)
         with suppress(OSError):  # a station that is gone by now can be paired again

@@ -68,7 +68,7 @@ class Server:
         connected: Callable[[], dict[str, Any]],
         frame_period_ns: int,
         journal: Journal,
-        rights: Rights = lambda _key: frozenset({"read", "command"}),
+        rights: Rights,
         command: Command | None = None,
         limits: Limits = Limits(),
     ) -> None:

@@ -32,7 +32,7 @@ from common.codec import decode_frame, encode_frame
 from common.keys import KeyPair, new_keys
 from common.messages import Fix, Frame
 from common.versions import LINK_VERSION, SCHEMA_VERSION
-from onboard.link.access import Access
+from onboard.link.allow_list import AllowList
 
 APP = Path("/mnt/app")
 BITS = {"armhf": 32, "arm64": 64}
@@ -151,7 +151,7 @@ class Daemon:
     """The console script, run by this interpreter; the log goes to a file."""
 
     def __init__(self, directory: Path, config: str, station: KeyPair) -> None:
-        Access(directory).add(station.public.decode(), "arm", frozenset({"read"}))
+        AllowList(directory).add(station.public.decode(), "arm", frozenset({"read"}))
         (directory / "boat.toml").write_text(config, encoding="utf-8")
         script, config_file = str(APP / "bin/wayfix-onboard"), str(directory / "boat.toml")
         command = [sys.executable, script, "run", config_file, "--state", str(directory)]

@@ -34,7 +34,7 @@ from onboard.control.socket import (
     text_of,
 )
 from onboard.journal import Journal
-from onboard.link.access import READ, Access
+from onboard.link.allow_list import READ, AllowList
 from onboard.link.pairing_port import PairingPort
 from onboard.main import main
 
@@ -299,7 +299,7 @@ def test_a_terminal_decides_what_a_hangup_means() -> None:
 
 class KeyBench(Bench):
     def __init__(self, directory: Path) -> None:
-        self.access = Access(directory / "state")
+        self.access = AllowList(directory / "state")
         self.changes = 0
         super().__init__(directory, {})
         port = PairingPort(self.access, "springer", "tcp://127.0.0.1:5760", Journal(self.events.append, lambda: 0))

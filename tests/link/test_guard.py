@@ -9,7 +9,7 @@ from common.events import event
 from common.keys import fingerprint, new_keys
 from common.messages import Event
 from onboard.journal import Journal
-from onboard.link.access import COMMAND, READ, Access
+from onboard.link.allow_list import COMMAND, READ, AllowList
 from onboard.link.guard import Guard
 
 KEY = new_keys().public.decode()
@@ -38,7 +38,7 @@ def test_with_keys_the_list_decides_and_a_stranger_is_an_event(
     tmp_path: Path, context: "zmq.Context[zmq.Socket[bytes]]"
 ) -> None:
     told: list[Event] = []
-    access = Access(tmp_path)
+    access = AllowList(tmp_path)
     access.add(KEY, "laptop", READ)
     came, stranger = asyncio.Event(), new_keys()
 

@@ -12,27 +12,28 @@ from hypothesis import strategies as st
 
 from common.errors import WayfixError
 from common.keys import KeyPair, key_text, new_keys
-from onboard.link.access import COMMAND, READ, Access, Zap
+from onboard.link.allow_list import COMMAND, READ, AllowList
+from onboard.link.authenticator import Zap
 
 A, B, C = (key_text(bytes([number]) * 32) for number in (1, 2, 3))
 
 
-def access_with(directory: Path, text: str) -> Access:
+def access_with(directory: Path, text: str) -> AllowList:
     directory.mkdir(mode=0o700, exist_ok=True)
     file = directory / "allowed-keys"
     file.write_text(text, encoding="utf-8", errors="surrogateescape")
     file.chmod(0o600)
-    return Access(directory)
+    return AllowList(directory)
 
 
 def test_the_list_is_kept(tmp_path: Path) -> None:
-    access = Access(tmp_path)
+    access = AllowList(tmp_path)
     assert access.rights_of(A) is None
     assert access.rights_of(None) is None
     access.add(A, "laptop", READ)
     access.add(B, "bridge", COMMAND)
     access.add(A, "laptop 2", COMMAND)
-    for known in (access, Access(tmp_path)):
+    for known in (access, AllowList(tmp_path)):
         assert [(entry.key, entry.name, entry.rights) for entry in known.entries] == [
             (B, "bridge", COMMAND), (A, "laptop 2", COMMAND),
         ]  # fmt: skip
@@ -41,13 +42,13 @@ def test_the_list_is_kept(tmp_path: Path) -> None:
     assert access.remove("bridge") is True
     assert access.remove("bridge") is False
     assert access.remove(A) is True
-    assert Access(tmp_path).entries == []
-    assert Access(tmp_path).public_key == access.public_key
+    assert AllowList(tmp_path).entries == []
+    assert AllowList(tmp_path).public_key == access.public_key
 
 
 def test_no_directory_no_keys() -> None:
     with pytest.raises(WayfixError, match="--open"):
-        Access(None)
+        AllowList(None)
 
 
 def test_damage_is_named_and_lets_nobody_in(tmp_path: Path) -> None:
@@ -57,7 +58,7 @@ def test_damage_is_named_and_lets_nobody_in(tmp_path: Path) -> None:
     assert access.rights_of(B) is access.rights_of(C) is None
     access.add(C, "new", READ)  # what is damaged stays for its owner to look at
     assert access.file.read_text(encoding="utf-8", errors="surrogateescape").count("thief") == 1
-    assert [entry.name for entry in Access(tmp_path).entries] == ["ok", "new"]
+    assert [entry.name for entry in AllowList(tmp_path).entries] == ["ok", "new"]
 
 
 @pytest.mark.parametrize("rights", [("read,command", "read"), ("read", "read,command")])
@@ -101,7 +102,7 @@ def test_a_key_is_refused_though_the_list_cannot_be_written(tmp_path: Path, monk
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("onboard.link.access.write_own", full)
+        patch.setattr("onboard.link.allow_list.write_own", full)
         with pytest.raises(WayfixError, match="refused from now on"):
             access.remove("one")
         with pytest.raises(WayfixError, match="cannot be kept"):
@@ -115,7 +116,7 @@ def test_a_key_is_refused_though_the_list_cannot_be_written(tmp_path: Path, monk
 
 
 def test_names(tmp_path: Path) -> None:
-    access = Access(tmp_path)
+    access = AllowList(tmp_path)
     access.add(A, access.name_for(A), READ)
     access.add(B, access.name_for(B), READ)
     assert [entry.name for entry in access.entries] == ["station-1", "station-2"]
@@ -146,7 +147,7 @@ def test_whatever_stands_in_the_list_only_sound_lines_count(
 class Bench:
     """A guarded ROUTER and clients in contexts of their own."""
 
-    def __init__(self, access: Access, guarded: bool = True) -> None:
+    def __init__(self, access: AllowList, guarded: bool = True) -> None:
         self.access = access
         self.strangers: list[str] = []
         self.context = zmq.Context()
@@ -202,7 +203,7 @@ class Bench:
             context.term()
 
 
-def on_bench(access: Access, play: Callable[[Bench], Awaitable[None]], guarded: bool = True) -> None:
+def on_bench(access: AllowList, play: Callable[[Bench], Awaitable[None]], guarded: bool = True) -> None:
     async def run() -> None:
         bench = Bench(access, guarded)
         try:
@@ -226,7 +227,7 @@ def test_a_listed_key_is_let_in_and_named(tmp_path: Path) -> None:
         assert bench.access.rights_of(keys.public.decode()) == READ
         assert bench.strangers == []
 
-    on_bench(Access(tmp_path), play)
+    on_bench(AllowList(tmp_path), play)
 
 
 def test_strangers_get_not_one_byte_of_data(tmp_path: Path) -> None:
@@ -251,7 +252,7 @@ def test_strangers_get_not_one_byte_of_data(tmp_path: Path) -> None:
         bench.client(allowed)
         assert await bench.received(5) == allowed.public.decode()
 
-    on_bench(Access(tmp_path), play)
+    on_bench(AllowList(tmp_path), play)
 
 
 def test_a_revoked_key_has_no_rights_though_its_connection_stays(tmp_path: Path) -> None:
@@ -268,11 +269,11 @@ def test_a_revoked_key_has_no_rights_though_its_connection_stays(tmp_path: Path)
         assert user_id == keys.public.decode()  # libzmq asks at the handshake only
         assert bench.access.rights_of(user_id) is None
 
-    on_bench(Access(tmp_path), play)
+    on_bench(AllowList(tmp_path), play)
 
 
 def test_the_self_test_fails_when_the_handler_does_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("onboard.link.access.SELF_TEST_S", 0.3)
+    monkeypatch.setattr("onboard.link.authenticator.SELF_TEST_S", 0.3)
 
     async def play(bench: Bench) -> None:
         with pytest.raises(WayfixError, match=r"not refused: no answer within 0\.3 s"):
@@ -283,7 +284,7 @@ def test_the_self_test_fails_when_the_handler_does_not_run(tmp_path: Path, monke
         bench.client(new_keys())
         assert await bench.received(0.3) is None
 
-    on_bench(Access(tmp_path), play)
+    on_bench(AllowList(tmp_path), play)
 
 
 def test_the_self_test_fails_when_there_is_no_handler(tmp_path: Path) -> None:
@@ -291,11 +292,11 @@ def test_the_self_test_fails_when_there_is_no_handler(tmp_path: Path) -> None:
         with pytest.raises(WayfixError, match=r"not refused: (its message was received|event 4096)"):
             await bench.zap.self_test()
 
-    on_bench(Access(tmp_path), play, guarded=False)
+    on_bench(AllowList(tmp_path), play, guarded=False)
 
 
 def test_the_self_test_fails_when_everybody_is_let_in(tmp_path: Path) -> None:
-    class Generous(Access):
+    class Generous(AllowList):
         def rights_of(self, _user_id: str | None) -> frozenset[str] | None:
             return READ
 
@@ -328,11 +329,11 @@ def test_the_self_test_fails_when_another_handler_refuses(tmp_path: Path) -> Non
             task.cancel()
             other.close(linger=0)
 
-    on_bench(Access(tmp_path), play, guarded=False)
+    on_bench(AllowList(tmp_path), play, guarded=False)
 
 
 def test_an_error_in_the_handler_lets_nobody_in(tmp_path: Path) -> None:
-    class Broken(Access):
+    class Broken(AllowList):
         def rights_of(self, _user_id: str | None) -> frozenset[str] | None:
             raise RuntimeError("a bug of ours")
 
@@ -352,7 +353,7 @@ def test_an_error_in_the_handler_lets_nobody_in(tmp_path: Path) -> None:
 @given(request=st.lists(st.binary(max_size=40), max_size=9))
 def test_no_malformed_request_is_granted(tmp_path_factory: pytest.TempPathFactory, request: list[bytes]) -> None:
     context = zmq.Context()
-    zap = Zap(context, Access(tmp_path_factory.mktemp("zap")))
+    zap = Zap(context, AllowList(tmp_path_factory.mktemp("zap")))
     try:
         assert zap._answer(request)[2] == b"400"
     finally:
@@ -361,7 +362,7 @@ def test_no_malformed_request_is_granted(tmp_path_factory: pytest.TempPathFactor
 
 
 def test_requests_of_other_mechanisms_are_refused(tmp_path: Path) -> None:
-    access = Access(tmp_path)
+    access = AllowList(tmp_path)
     raw = bytes([1]) * 32
     access.add(key_text(raw), "laptop", READ)
     context = zmq.Context()

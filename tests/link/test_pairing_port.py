@@ -14,7 +14,7 @@ from common.keys import fingerprint, key_text, raw_key
 from common.messages import Event
 from common.pairing import Station, framed, plain_code
 from onboard.journal import Journal
-from onboard.link.access import COMMAND, READ, Access
+from onboard.link.allow_list import COMMAND, READ, AllowList
 from onboard.link.pairing_port import Opened, PairingPort, Request, place_of
 
 KEY = bytes([7]) * 32
@@ -25,7 +25,7 @@ class Bench:
     """A pairing port beside a link on loopback."""
 
     def __init__(self, directory: Path, boat_id: str = "springer") -> None:
-        self.access = Access(directory)
+        self.access = AllowList(directory)
         self.events: list[Event] = []
         self.port = PairingPort(self.access, boat_id, "tcp://127.0.0.1:5760", Journal(self.events.append, lambda: 0))
 
@@ -99,7 +99,7 @@ def test_a_station_is_put_on_the_list(tmp_path: Path, request_: Request, name: s
             await Client(opened).connect()
 
     bench = on_bench(tmp_path, play)
-    assert [(entry.key, entry.name, entry.rights) for entry in Access(tmp_path).entries] == [
+    assert [(entry.key, entry.name, entry.rights) for entry in AllowList(tmp_path).entries] == [
         (key_text(KEY), name, rights)
     ]
     assert bench.codes == ["pairing-open", "pairing-done"]
@@ -117,7 +117,7 @@ def test_pairing_again_keeps_the_name_and_changes_the_rights(tmp_path: Path) -> 
             assert await Client(await bench.port.open(request)).pair()
 
     on_bench(tmp_path, play)
-    assert [(entry.name, entry.rights) for entry in Access(tmp_path).entries] == [("laptop", READ)]
+    assert [(entry.name, entry.rights) for entry in AllowList(tmp_path).entries] == [("laptop", READ)]
 
 
 def test_a_wrong_code_burns_it(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_wrong_code_burns_it(tmp_path: Path) -> None:
 
     bench = on_bench(tmp_path, play)
     assert bench.codes == ["pairing-open", "pairing-failed"]
-    assert Access(tmp_path).entries == []
+    assert AllowList(tmp_path).entries == []
 
 
 def test_a_second_client_burns_the_code_of_the_first(tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_second_client_burns_the_code_of_the_first(tmp_path: Path) -> None:
             client.writer.close()
 
     on_bench(tmp_path, play)
-    assert Access(tmp_path).entries == []
+    assert AllowList(tmp_path).entries == []
     assert faults == []  # nothing of it in the daemon's log
 
 
@@ -170,7 +170,7 @@ def test_whatever_else_comes_burns_the_code(tmp_path: Path, sent: bytes) -> None
         client.writer.close()
 
     on_bench(tmp_path, play)
-    assert Access(tmp_path).entries == []
+    assert AllowList(tmp_path).entries == []
 
 
 def test_a_client_that_says_nothing_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +201,7 @@ def test_the_port_closes_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             await Client(opened).connect()
 
     on_bench(tmp_path, play)
-    assert Access(tmp_path).entries == []
+    assert AllowList(tmp_path).entries == []
 
 
 def test_a_new_code_burns_the_one_before(tmp_path: Path) -> None:
@@ -216,7 +216,7 @@ def test_a_new_code_burns_the_one_before(tmp_path: Path) -> None:
         assert not await old.pair()
 
     on_bench(tmp_path, play)
-    assert Access(tmp_path).entries == []
+    assert AllowList(tmp_path).entries == []
 
 
 def test_a_man_in_the_middle_that_swaps_keys_gets_on_no_list(tmp_path: Path) -> None:
@@ -247,14 +247,14 @@ def test_a_man_in_the_middle_that_swaps_keys_gets_on_no_list(tmp_path: Path) -> 
         await middle.wait_closed()
 
     on_bench(tmp_path, play)
-    assert Access(tmp_path).entries == []
+    assert AllowList(tmp_path).entries == []
 
 
 def test_when_the_list_cannot_be_written_nobody_is_told_yes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("onboard.link.access.write_own", full)
+    monkeypatch.setattr("onboard.link.allow_list.write_own", full)
 
     async def play(bench: Bench) -> None:
         assert not await Client(await bench.port.open(ANY)).pair()

@@ -110,7 +110,7 @@ class Board:
         self.spool = Spool(None, self.identity, SpoolTable(), journal)
         self.server = Server(
             cast("Router", wire), self.spool, connected=dict, frame_period_ns=PERIOD_NS,
-            journal=journal,
+            journal=journal, rights=lambda _key: frozenset({"read"}),
         )  # fmt: skip
         self.seq = 0
 

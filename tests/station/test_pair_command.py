@@ -20,7 +20,7 @@ from common.pairing import Board, framed, plain_code
 from onboard.control.key_handlers import KeyRequests
 from onboard.control.socket import Control, ask
 from onboard.journal import Journal
-from onboard.link.access import READ, Access
+from onboard.link.allow_list import READ, AllowList
 from onboard.link.pairing_port import PairingPort
 from shore.link import pair_command
 from shore.link.known_boats import Boats
@@ -36,9 +36,9 @@ def pair(keys: Path, port: int, *more: str) -> int:
 
 
 @contextmanager
-def board(directory: Path) -> Iterator[Access]:
+def board(directory: Path) -> Iterator[AllowList]:
     """A board with control socket in `directory` and state beside it, in a loop of its own."""
-    access = Access(directory / "state")
+    access = AllowList(directory / "state")
     started = threading.Event()
     over: list[Callable[[], object]] = []
 
@@ -106,7 +106,7 @@ def test_a_wrong_code_leaves_no_key_anywhere(tmp_path: Path) -> None:
         with pytest.raises(LinkError, match="no pairing there"):
             pair(tmp_path / "keys", opened["port"], "--code", opened["code"])
         assert access.entries == []
-        assert Access(tmp_path / "state").entries == []
+        assert AllowList(tmp_path / "state").entries == []
     assert Boats(tmp_path / "keys").all() == []
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from onboard.link.access import READ, Access
+from onboard.link.allow_list import READ, AllowList
 from shore.link.known_boats import Boats
 from tests.link.namespaces import Namespaces, Side, what_is_missing
 from tests.system.harness import Process
@@ -29,7 +29,7 @@ def is_live(line: str) -> bool:
 @pytest.mark.parametrize(("side", "address"), [("shore", "10.77.0.9"), ("board", "10.77.0.5")])
 def test_a_new_address_costs_no_frame(tmp_path: Path, side: Side, address: str) -> None:
     keys, log = Boats(tmp_path / "keys"), tmp_path / "log"
-    Access(tmp_path / "state").add(keys.public_key.decode(), "station", READ)
+    AllowList(tmp_path / "state").add(keys.public_key.decode(), "station", READ)
     places = ("--bind", "tcp://0.0.0.0:5760", "--state", tmp_path / "state", "--runtime", tmp_path / "run")
     with Namespaces() as net, ExitStack() as stack:
         board = Process("wayfix-onboard", "run", config_of(tmp_path), *places, inside=net.line("board"))

@@ -18,7 +18,7 @@ from common.codec import decode_frame
 from common.errors import LinkError
 from common.keys import new_keys
 from common.link_messages import Lease
-from onboard.link.access import READ, Access
+from onboard.link.allow_list import READ, AllowList
 from shore.link.known_boats import Boats
 from shore.link.link import CONNECT_TIMEOUT_S, Link
 from shore.link.transport import LinkKeys
@@ -55,7 +55,7 @@ def boat(directory: Path, *, is_open: bool) -> Iterator[Boat]:
         config = virtual.ready()["config"]
         state = directory / "state"
         if not is_open:
-            Access(state).add(Boats(directory / "station").public_key.decode(), "station", READ)
+            AllowList(state).add(Boats(directory / "station").public_key.decode(), "station", READ)
         kept = ("--state", state, "--runtime", directory / "run")
         daemon = Process("wayfix-onboard", "run", *(["--open"] if is_open else []), config, *kept)
         processes.append(daemon)
@@ -155,9 +155,9 @@ def test_a_station_that_is_revoked_gets_no_frame_later_than_a_second(tmp_path: P
 
 EVERYBODY = """
 import sys
-from onboard.link.access import Access
+from onboard.link.allow_list import AllowList
 from onboard.main import main
-Access.rights_of = lambda self, key: frozenset({"read"})
+AllowList.rights_of = lambda self, key: frozenset({"read"})
 sys.exit(main(sys.argv[1:]))
 """
 
