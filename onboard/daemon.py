@@ -23,8 +23,8 @@ from onboard.control.handlers import Commands
 from onboard.control.key_handlers import KeyRequests
 from onboard.control.socket import Control, has_terminal
 from onboard.journal import Journal
+from onboard.link.access import Access
 from onboard.link.allow_list import AllowList
-from onboard.link.guard import Guard
 from onboard.link.pairing_port import PairingPort
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
@@ -109,14 +109,14 @@ class Daemon:
         reopen = {sensor: port.reopen for port in self.ports for sensor in port.chain.monitors}
         self._commands = Commands(self._status, reopen, self._journal)
         self._context = zmq.Context()
-        self._guard = Guard(self._context, allow_list, self._journal)
+        self._access = Access(self._context, allow_list, self._journal)
         self.server = Server(
-            Router(self._context, self._guard.secret_key),
+            Router(self._context, self._access.secret_key),
             self.spool,
             connected=self._connected,
             frame_period_ns=self.period_ns,
             journal=self._journal,
-            rights=self._guard.rights,
+            rights=self._access.rights,
             command=self._asked_by_link,
             limits=Limits(config.link.max_clients, config.link.fill_kb_per_s * 1000),
         )
@@ -136,7 +136,7 @@ class Daemon:
 
     async def run(self, bind: str, on_ready: Callable[[dict[str, Any]], None]) -> None:
         """Run until `stop`; on_ready is told where the socket listens once ports are polled. Raises WayfixError."""
-        workers = await self._guard.start()
+        workers = await self._access.start()
         endpoint = self.server.bind(bind)
         self._keys = self._key_requests(endpoint)
         requests = {**self._commands.handlers(), **(self._keys.handlers() if self._keys is not None else {})}
@@ -146,7 +146,7 @@ class Daemon:
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         loop.add_signal_handler(signal.SIGHUP, self._hung_up)
         self._journal.tell("daemon-started", sensors=len(self.config.sensor))
-        self._guard.opened(endpoint)
+        self._access.opened(endpoint)
         self._tell_gap()
         if self._state_fault is not None:
             self._journal.tell("state-unusable", reason=self._state_fault)
@@ -177,7 +177,7 @@ class Daemon:
             await polled.port.tried.wait()
 
     def _ready(self, endpoint: str) -> dict[str, Any]:
-        identity, key = self.acquisition.identity, self._guard.public_key
+        identity, key = self.acquisition.identity, self._access.public_key
         return {"bind": endpoint, "boot_id": identity.boot_id, "boat_id": identity.boat_id, "public_key": key}
 
     def _tell_gap(self) -> None:
@@ -201,7 +201,7 @@ class Daemon:
         await self.server.end_all("the daemon stops", GOODBYE_S)
         serving.cancel()
         self.server.close()
-        self._guard.close()
+        self._access.close()
         self._context.term()
         await asyncio.to_thread(self.spool.close, DRAIN_S)
         if self._stop.is_set():
@@ -237,11 +237,11 @@ class Daemon:
 
     def _key_requests(self, endpoint: str) -> KeyRequests | None:
         """What may be asked about keys; None on an open link, which has none."""
-        access = self._guard.access
-        if access is None:
+        allow_list = self._access.allow_list
+        if allow_list is None:
             return None
-        port = PairingPort(access, self.config.boat.id, endpoint, self._journal)
-        keys = KeyRequests(access, port, self._journal, self.server.reload)
+        port = PairingPort(allow_list, self.config.boat.id, endpoint, self._journal)
+        keys = KeyRequests(allow_list, port, self._journal, self.server.reload)
         keys.tell_faults()
         return keys
 
@@ -268,7 +268,7 @@ class Daemon:
         }
 
     async def _asked_by_link(self, name: str, argument: str, key: str) -> str:
-        return await self._commands.from_link(name, argument, self._guard.name_of(key))
+        return await self._commands.from_link(name, argument, self._access.name_of(key))
 
     def _connected(self) -> dict[str, Any]:
         return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)

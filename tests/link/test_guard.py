@@ -9,8 +9,8 @@ from common.events import event
 from common.keys import fingerprint, new_keys
 from common.messages import Event
 from onboard.journal import Journal
+from onboard.link.access import Access
 from onboard.link.allow_list import COMMAND, READ, AllowList
-from onboard.link.guard import Guard
 
 KEY = new_keys().public.decode()
 
@@ -24,13 +24,13 @@ def context() -> Iterator["zmq.Context[zmq.Socket[bytes]]"]:
 
 def test_an_open_link_lets_everybody_command_and_says_so(context: "zmq.Context[zmq.Socket[bytes]]") -> None:
     told: list[Event] = []
-    guard = Guard(context, None, Journal(told.append, lambda: 7))
-    assert (guard.secret_key, guard.public_key) == (None, None)
-    assert guard.rights(None) == guard.rights(KEY) == COMMAND
-    assert guard.name_of("anybody") == "anybody"
-    assert asyncio.run(guard.start()) == []
-    guard.opened("tcp://127.0.0.1:5760")
-    guard.close()
+    access = Access(context, None, Journal(told.append, lambda: 7))
+    assert (access.secret_key, access.public_key) == (None, None)
+    assert access.rights(None) == access.rights(KEY) == COMMAND
+    assert access.name_of("anybody") == "anybody"
+    assert asyncio.run(access.start()) == []
+    access.opened("tcp://127.0.0.1:5760")
+    access.close()
     assert told == [event("link-open", 7, "link", bind="tcp://127.0.0.1:5760")]
 
 
@@ -38,25 +38,25 @@ def test_with_keys_the_list_decides_and_a_stranger_is_an_event(
     tmp_path: Path, context: "zmq.Context[zmq.Socket[bytes]]"
 ) -> None:
     told: list[Event] = []
-    access = AllowList(tmp_path)
-    access.add(KEY, "laptop", READ)
+    allow_list = AllowList(tmp_path)
+    allow_list.add(KEY, "laptop", READ)
     came, stranger = asyncio.Event(), new_keys()
 
     def tell(happening: Event) -> None:
         told.append(happening)
         came.set()
 
-    guard = Guard(context, access, Journal(tell, lambda: 7))
+    access = Access(context, allow_list, Journal(tell, lambda: 7))
 
     async def run() -> None:
-        answering = await guard.start()
+        answering = await access.start()
         server, client = context.socket(zmq.ROUTER), context.socket(zmq.DEALER)
         server.setsockopt_string(zmq.ZAP_DOMAIN, "wayfix")
         server.setsockopt(zmq.CURVE_SERVER, 1)
-        server.setsockopt(zmq.CURVE_SECRETKEY, guard.secret_key or b"")
+        server.setsockopt(zmq.CURVE_SECRETKEY, access.secret_key or b"")
         server.bind("tcp://127.0.0.1:*")
         client.setsockopt(zmq.LINGER, 0)
-        client.setsockopt(zmq.CURVE_SERVERKEY, (guard.public_key or "").encode())
+        client.setsockopt(zmq.CURVE_SERVERKEY, (access.public_key or "").encode())
         client.setsockopt(zmq.CURVE_PUBLICKEY, stranger.public)
         client.setsockopt(zmq.CURVE_SECRETKEY, stranger.secret)
         client.connect(server.getsockopt_string(zmq.LAST_ENDPOINT))
@@ -68,9 +68,9 @@ def test_with_keys_the_list_decides_and_a_stranger_is_an_event(
         await asyncio.gather(*answering, return_exceptions=True)
 
     asyncio.run(asyncio.wait_for(run(), 10))
-    guard.opened("tcp://127.0.0.1:5760")
-    guard.close()
+    access.opened("tcp://127.0.0.1:5760")
+    access.close()
     assert told == [event("station-refused", 7, "link", fingerprint=fingerprint(stranger.public.decode()))]
-    assert guard.rights(KEY) == READ
-    assert guard.rights(stranger.public.decode()) is None
-    assert guard.name_of(KEY) == "laptop"
+    assert access.rights(KEY) == READ
+    assert access.rights(stranger.public.decode()) is None
+    assert access.name_of(KEY) == "laptop"

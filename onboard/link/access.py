@@ -1,4 +1,7 @@
-"""Access control of the link: keys on an allow list, or an open link on which every client reads and commands."""
+"""Access control of the link: by keys on an allow list, or open to everybody (`--open`).
+
+On an open link nothing is encrypted, everybody reads and commands, and the daemon warns of it at each start.
+"""
 
 import asyncio
 from typing import Final
@@ -11,24 +14,26 @@ from onboard.link.allow_list import COMMAND, AllowList
 from onboard.link.authenticator import Zap
 
 
-class Guard:
+class Access:
     """Who may do what. It exists before the socket that it guards, and is closed after it."""
 
-    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", access: AllowList | None, journal: Journal) -> None:
-        """Access: the allow list; `None` = an open link. The context is that of the link's socket."""
-        self.access: Final = access
+    def __init__(
+        self, context: "zmq.Context[zmq.Socket[bytes]]", allow_list: AllowList | None, journal: Journal
+    ) -> None:
+        """allow_list: `None` = an open link. The context is that of the link's socket."""
+        self.allow_list: Final = allow_list
         self._journal = journal.child("link")
-        self._zap = None if access is None else Zap(context, access, self._refused)
+        self._zap = None if allow_list is None else Zap(context, allow_list, self._refused)
 
     @property
     def secret_key(self) -> bytes | None:
         """The board's own, Z85; `None` = nothing is encrypted."""
-        return None if self.access is None else self.access.secret_key
+        return None if self.allow_list is None else self.allow_list.secret_key
 
     @property
     def public_key(self) -> str | None:
         """The board's own, Z85; `None` on an open link."""
-        return None if self.access is None else self.access.public_key.decode("ascii")
+        return None if self.allow_list is None else self.allow_list.public_key.decode("ascii")
 
     async def start(self) -> list[asyncio.Task[None]]:
         """Answer handshakes in the running loop; returns the tasks that do it.
@@ -42,17 +47,20 @@ class Guard:
         return [answering]
 
     def opened(self, endpoint: str) -> None:
-        """The link listens at `endpoint`: an event where no key is asked for."""
-        if self.access is None:
+        """The link listens at `endpoint`: a warning (event `link-open`) where no key is asked for."""
+        if self.allow_list is None:
             self._journal.tell("link-open", bind=endpoint)
 
     def rights(self, key: str | None) -> frozenset[str] | None:
-        """What the sender with this public key (Z85) may do: `read`, `command`; `None` = it is not on the list."""
-        return COMMAND if self.access is None else self.access.rights_of(key)
+        """What the sender with this public key (Z85) may do: `read`, `command`; `None` = it is not on the list.
+
+        On an open link everybody may do both.
+        """
+        return COMMAND if self.allow_list is None else self.allow_list.rights_of(key)
 
     def name_of(self, key: str) -> str:
         """The name that the allow list has for a key; on an open link what the sender is called already."""
-        return key if self.access is None else self.access.name_for(key)
+        return key if self.allow_list is None else self.allow_list.name_for(key)
 
     def close(self) -> None:
         """Close the socket of the handshakes."""
