@@ -1,5 +1,6 @@
-"""What is not new: missing frames and bounded runs, read from the store beside the loop, in turn for every client.
+"""Backfill: missing frames and bounded runs, read from the store beside the loop, in turn for every client.
 
+Which frame is next for a client, and whether there is room for it, is `onboard.link.send_order`.
 All clients together get so many bytes a second of it, so that a station that fills a day's gap does not starve the
 radio, the card and the processor of the frames that are made now.
 """
@@ -60,35 +61,36 @@ class Filling:
         return await self._serve_missing(client)
 
     async def _serve_missing(self, client: Session) -> bool:
-        gap, room = client.wanted[0] if client.wanted else None, client.fill_room
-        if gap is None or room == 0:
+        order = client.order
+        gap = order.next_missing()
+        if gap is None:
             return False
         own = self._store.runs()[-1]
         last = min(gap.last, own.next_seq - 1) if gap.boot_id == own.boot_id else gap.last
         if gap.first > last:  # not made yet
-            client.passed(gap.boot_id, gap.last)
+            order.passed(gap.boot_id, gap.last)
             return True
-        batch = await self._read(gap.boot_id, gap.first, last, min(room, READ_BYTES))
-        client.not_held(gap.boot_id, batch.gone)
+        batch = await self._read(gap.boot_id, gap.first, last, min(order.fill_room, READ_BYTES))
+        order.not_held(gap.boot_id, batch.gone)
         for seq, data in batch.frames:
-            if not client.wants(gap.boot_id, seq):  # a newer lease came meanwhile
+            if not order.wants(gap.boot_id, seq):  # a newer lease came meanwhile
                 continue
             header = session.pack("frame", boot_id=gap.boot_id, seq=seq)
-            if not client.has_room(len(data), fill=True) or not self._send(client, [header, data]):
+            if not order.has_room(len(data), fill=True) or not self._send(client, [header, data]):
                 return False
-            client.sent_missing(gap.boot_id, seq, len(data))
-        client.passed(gap.boot_id, gap.last if batch.next_seq is None else batch.next_seq - 1)
+            order.sent_missing(gap.boot_id, seq, len(data))
+        order.passed(gap.boot_id, gap.last if batch.next_seq is None else batch.next_seq - 1)
         return True
 
     async def _serve_run(self, client: Session, place: InOrder) -> bool:
         while place.unsent:
             header, data = place.unsent[0]
-            if not client.has_room(len(data), fill=False):
+            if not client.order.has_room(len(data), fill=False):
                 return False
             if not self._send(client, [session.pack("frame", **header), data]):
                 return False
             place.unsent.popleft()
-            client.sent_in_order(len(data))
+            client.order.sent(len(data))
         if place.is_complete:
             self._end(client, "all frames sent")
             return False

@@ -1,9 +1,7 @@
 """The board's end of the link: sessions over one ROUTER socket (`common.link_messages`, docs/protocol.md).
 
-Every frame goes to the store first. A client is sent the newest frame, then what it misses, oldest first, within its
-window; it says what that is with each lease (`onboard.link.sessions`). A newest frame that finds no room is passed
-over, but not one with a fix: running sums bridge what an IMU said in the frames that did not come, nothing bridges a
-fix.
+Every frame goes to the store first. What a client is sent next, and how much, `onboard.link.send_order` decides; the
+client says with each lease what it misses (`onboard.link.sessions`).
 """
 
 import asyncio
@@ -25,7 +23,8 @@ from common.versions import LINK_VERSION, SCHEMA_VERSION, version_fault
 from onboard.journal import Journal
 from onboard.link.backfill import Filling
 from onboard.link.router import Router
-from onboard.link.sessions import MAX_GONE, Pace, Session, gone_of
+from onboard.link.send_order import MAX_GONE, LiveFrame, SendOrder, gone_of
+from onboard.link.sessions import Pace, Session
 from onboard.spool import Spool
 
 log = logging.getLogger(__name__)
@@ -83,6 +82,7 @@ class Server:
         self._next_seq = 0
         self._boot_id = ""
         self._header = b""
+        self._last_with_fix: LiveFrame | None = None
         self._frame_period_ns = frame_period_ns
         self._filling = Filling(store, self._send, self._end, limits.fill_bytes_per_s)
         self._commands: set[asyncio.Task[None]] = set()
@@ -122,8 +122,8 @@ class Server:
                 self._forget(key, "it was not heard of any more")
             else:
                 self._send_newest(client)
-                if frame.fixes and client.live_next <= frame.seq:
-                    client.owed.append((frame.seq, self._header, data))
+        if frame.fixes:
+            self._last_with_fix = LiveFrame(frame.seq, self._header, data)
         self._filling.wake()
 
     def reload(self) -> None:
@@ -153,8 +153,9 @@ class Server:
         self._router.close()
 
     def _is_behind(self, client: Session) -> bool:
-        waits_for_newest = client.lease.run is None and client.live_next < self._next_seq
-        return client.connection is not None and (client.on_the_way > 0 or bool(client.wanted) or waits_for_newest)
+        order = client.order
+        waits_for_newest = client.lease.run is None and order.live_next < self._next_seq
+        return client.connection is not None and (order.on_the_way > 0 or bool(order.wanted) or waits_for_newest)
 
     def _receive(self, routing_id: bytes, key: str | None, parts: list[bytes]) -> None:
         try:
@@ -217,7 +218,7 @@ class Server:
         if lease.boot_id != self._boot_id:
             self._greet(routing_id)
         client.renew(lease, routing_id, received_ns, self._frame_period_ns)
-        gone = [*gone_of(lease.missing, self._store.runs()), *client.gone]
+        gone = [*gone_of(lease.missing, self._store.runs()), *client.order.gone]
         self._reply(
             routing_id,
             "alive",
@@ -242,7 +243,7 @@ class Server:
 
     def _join(self, routing_id: bytes, key: str | None, lease: session.Lease, message: dict[str, Any]) -> Session:
         name = _printable(message.get("client")) or routing_id.hex()
-        client = Session(name, key, lease, live_next=self._next_seq)
+        client = Session(name, key, lease, order=SendOrder(live_next=self._next_seq))
         self._sessions[key, lease.session] = client
         self._tell_news("client-joined", client=name)
         return client
@@ -251,15 +252,16 @@ class Server:
         newest = self._store.newest()
         if newest is None or client.lease.run is not None:
             return
-        for seq, header, data in (*client.owed, (newest[0], self._header, newest[1])):
-            if seq >= client.live_next:
-                if not client.has_room(len(data), fill=False) or not self._send(client, [header, data]):
-                    return
-                client.sent_newest(seq, len(data))
+        newest_frame = LiveFrame(newest[0], self._header, newest[1])
+        while (frame := client.order.next_live(newest_frame, self._last_with_fix)) is not None:
+            has_room = client.order.has_room(len(frame.data), fill=False)
+            if not has_room or not self._send(client, [frame.header, frame.data]):
+                return
+            client.order.sent_live(frame)
 
     def _end(self, client: Session, reason: str) -> None:
         place = {"boot_id": self._boot_id, "next_seq": self._next_seq}
-        end = session.pack("end", sent=client.frames_sent, reason=reason, **place)
+        end = session.pack("end", sent=client.order.frames_sent, reason=reason, **place)
         client.is_ended = self._send(client, [end])
 
     def _send(self, client: Session, parts: list[bytes]) -> bool:
