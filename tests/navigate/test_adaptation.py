@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shore.navigation.noise.fuzzy import FUZZY, FUZZY_THESIS, THESIS_SHAPE, Memory, fuzzy_alpha
+from shore.navigation.noise.fuzzy import FUZZY, Memory
+from shore.navigation.noise.fuzzy_thesis import FUZZY_THESIS, THESIS_SHAPE, fuzzy_alpha
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise, FixedNoise, NoiseRule
 from shore.navigation.numbers import Array
 from tests.navigate.batches import GOOD, POOR, TABLE_5_3, Outcome, follow, noisy, ratios, told
