@@ -4,12 +4,12 @@ Like the literal rule of the thesis (`fuzzy_thesis.py`) it looks at the degree o
 innovations seen and the innovations expected.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from shore.navigation.noise.noise_rule import WINDOW_COVERS_S, BeforeUpdate, Channel, ChannelNoise
-from shore.navigation.numbers import Number, choose, clip, larger, log, smaller, sqrt
+from shore.navigation.noise.outlier_guard import guarded, not_equal, winsorised
+from shore.navigation.numbers import Number, choose, clip
 
 
 class Memory(NamedTuple):
@@ -38,11 +38,9 @@ class FuzzyNoise(BeforeUpdate):
 
     The long window (about 60 samples, opened by `pseudo_samples` that say R0) sets R = C_A - mean prior variance, so
     that its own DoM is 1. A short one (about 8) watches: its DoM against R(k-1) belongs to "equal", "small" or "large".
-    The sets know the scatter of a window: n squares of a healthy sensor have log DoM = 0 +- sqrt(2 / n), so "equal"
-    is full within 2.5 and empty beyond 3.5 of these widths. If equal, the long window goes on; if small or large, the
-    short one takes its place; in between both are blended by their memberships. The newest sample alone is a window of
-    n = 1: if large, R of this one update rises to what it shows, and the windows take it as the edge of "equal", so
-    that a jump of the GPS neither moves the boat nor is remembered for long.
+    If equal, the long window goes on; if small or large, the short one takes its place; in between both are blended by
+    their memberships. What the sets are, and how they keep a single jump of the GPS from moving the boat, stands in
+    `outlier_guard.py`.
 
     R stays within [floor, ceiling] R0. Of a fast channel several samples weigh as one, so that the long window covers
     at least 20 s. What was done before R was known is cured by the filter, see `navigation.restart`.
@@ -54,10 +52,6 @@ class FuzzyNoise(BeforeUpdate):
     """Memory of the short window, samples."""
     pseudo_samples: float = 3.0
     """Samples that R0 counts for."""
-    full: float = 2.5
-    """The set "equal" is full up to here, in widths sqrt(2 / n) of log DoM, ..."""
-    empty: float = 3.5
-    """... and empty from here on, in the same widths."""
     floor: float = 0.25
     """R0 may be four times too large. Not more: successive errors that are alike make small innovations, which would be
     taken for precision."""
@@ -79,32 +73,26 @@ class FuzzyNoise(BeforeUpdate):
         before, weight, excess, short_weight, short_square, short_prior = memory
         expected = prior_variance + before
         square = innovation * innovation
-        kept = smaller(square, math.exp(self.full * math.sqrt(2.0)) * expected)
+        learnable = winsorised(square, expected)
         entry = min(1.0, self.long / (WINDOW_COVERS_S * channel.rate_hz))
         share = entry * before / expected
         fade = 1.0 - entry / self.short
         short_weight, short_square, short_prior = fade * short_weight, fade * short_square, fade * short_prior
-        new_weight, new_square = short_weight + share, short_square + share * kept
+        new_weight, new_square = short_weight + share, short_square + share * learnable
         new_prior = short_prior + share * prior_variance
         dom_ratio = new_square / (new_prior + new_weight * before)
-        stale = self.not_equal(dom_ratio, self._entries(new_weight))
+        stale = not_equal(dom_ratio, self._entries(new_weight))
         stays = (1.0 - stale) * (1.0 - entry / self.long)
         weight = stays * weight + stale * short_weight + share
         # What is too small is divided, not subtracted: P that a too large R has raised would leave nothing of R.
         fresh = choose(dom_ratio < 1.0, short_weight * before * dom_ratio, short_square - short_prior)
-        shown = before * kept / expected if noise.is_held else kept - prior_variance
+        shown = before * learnable / expected if noise.is_held else learnable - prior_variance
         excess = stays * excess + stale * fresh + share * shown
         learned = before if noise.is_held else self._limited(channel, excess / weight)
-        is_plain = isinstance(square, float) and square <= kept
-        variance = learned if is_plain else self._guarded(channel, learned, square, expected)
+        is_plain = isinstance(square, float) and square <= learnable
+        variance = learned if is_plain else self._limited(channel, guarded(learned, square, expected))
         window = Memory(learned, weight, excess, new_weight, new_square, new_prior)
         return noise._replace(variance=variance, window=window, dom_ratio=dom_ratio)
-
-    def not_equal(self, dom_ratio: Number, entries: Number) -> Number:
-        """Membership of "small or large": 0 = what `entries` samples of a healthy sensor show, 1 = certainly not."""
-        dom_ratio = larger(dom_ratio, 1e-30)
-        widths = log(larger(dom_ratio, 1.0 / dom_ratio)) * sqrt(0.5 * entries)
-        return clip((widths - self.full) / (self.empty - self.full), 0.0, 1.0)
 
     def _first(self, channel: Channel) -> Memory:
         return Memory(channel.initial_variance, self.pseudo_samples, self.pseudo_samples * channel.initial_variance)
@@ -115,12 +103,6 @@ class FuzzyNoise(BeforeUpdate):
     def _entries(self, weight: Number) -> Number:
         """Number of equal entries that scatter like a fading window of this total weight."""
         return weight * (2.0 * self.short - 1.0) / (2.0 * self.short - weight)
-
-    def _guarded(self, channel: Channel, learned: Number, square: Number, expected: Number) -> Number:
-        """R of this update: what the newest sample alone shows, as far as it is "large"."""
-        large = self.not_equal(larger(square / expected, 1.0), 1.0)
-        shown = learned + large * (square - expected)
-        return self._limited(channel, shown)
 
 
 FUZZY: Final = FuzzyNoise()
