@@ -14,6 +14,7 @@ from shore.navigation.filter_bank import Bank, Moment
 from shore.navigation.filters import build_filter, facts_of
 from shore.navigation.fixed_steps import Synchronous
 from shore.navigation.intake import FAR_FIXES, Intake
+from shore.navigation.judge import Judge
 from shore.navigation.measurements import FARTHEST_M
 from shore.navigation.notices import Notices
 from shore.navigation.start_events import StartEvents
@@ -32,14 +33,19 @@ class Estimated(NamedTuple):
 class OwnShip:
     """The filters over one clock of the board, whose times are comparable, and one local plane."""
 
-    def __init__(self, config: BoatConfig, names: Sequence[str], step_s: float | None) -> None:
-        """`step_s`: fuse synchronously every so many seconds, as in the thesis. Raises WayfixError: unknown filter."""
+    def __init__(
+        self, config: BoatConfig, names: Sequence[str], step_s: float | None, judge: Judge | None = None
+    ) -> None:
+        """`step_s`: fuse synchronously every so many seconds, as in the thesis. `judge`: each filter begins with it.
+
+        Raises: WayfixError for an unknown filter.
+        """
         facts = facts_of(config)
         self.notices = Notices()
         self._intake = Intake(config, self.notices.add)
         self._names = tuple(names)
         self._alignments = {name: Alignment() for name in names}
-        filters = [build_filter(name, facts) for name in names]
+        filters = [build_filter(name, facts, judge=judge) for name in names]
         self._bank = Bank(filters, facts, has_compass=bool(config.with_role("compass")))
         self._feeder: Timeline | Synchronous = (
             Timeline(self._bank, self._intake.imu)
