@@ -15,6 +15,7 @@ from common.messages import Event, Frame
 from common.seqset import SeqSet
 from shore.navigation.estimate import Estimate
 from shore.navigation.fixed_steps import LONGEST_STEP_S, SHORTEST_STEP_S
+from shore.navigation.judge import Judge
 from shore.navigation.own_ship import OwnShip
 
 
@@ -32,16 +33,19 @@ class Pipeline:
     """The stages of one boat; the first of `filters` drives targets and outputs.
 
     `step_s` = fuse synchronously every so many seconds as in the thesis, instead of each measurement at its own time.
+    `judge` = what each filter begins with, after each restart too; `None` = every measurement is fused.
     Raises: WayfixError for an unknown filter, none at all, or a step that is not positive.
     """
 
-    def __init__(self, config: BoatConfig, filters: Sequence[str], step_s: float | None = None) -> None:
+    def __init__(
+        self, config: BoatConfig, filters: Sequence[str], step_s: float | None = None, judge: Judge | None = None
+    ) -> None:
         if not filters:
             raise WayfixError("no filter named", "--filters", "name at least one, for example fuzzy")
         if step_s is not None and not SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
             cure = f"give {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s"
             raise WayfixError(f"a step of {step_s:g} s is impossible", "--step", cure)
-        self._new_own_ship: Callable[[], OwnShip] = partial(OwnShip, config, tuple(filters), step_s)
+        self._new_own_ship: Callable[[], OwnShip] = partial(OwnShip, config, tuple(filters), step_s, judge)
         self._own_ship = self._new_own_ship()
         self._start: BoatStart | None = None
         """The newest start of the board."""

@@ -20,8 +20,9 @@ from common.simulation.manoeuvres import Manoeuvres
 from common.simulation.runs import Runs
 from common.simulation.scenario import Scenario
 from shore.lab.bound import posterior_bound
+from shore.lab.consistency import STATES, ConsistencySums
 from shore.lab.methods import METHODS, ORACLE, Method, Stepped
-from shore.lab.statistics import CHANNELS, STATES, nees, spans, squared_errors
+from shore.lab.statistics import spans, squared_errors
 from shore.navigation.filters import Filter, FilterFacts, FilterState
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import FIVE, Extra, ImuInput, ProcessNoise, StateSpace
@@ -217,9 +218,7 @@ class _Record:
         self._truth = setting.runs.truth
         self.squares = np.zeros((count, steps, 3))
         self.claimed = np.zeros((steps, 3))
-        self.nees = np.zeros(count)
-        self.nis = np.zeros(count)
-        self.measured = 0
+        self.consistency = ConsistencySums(count)
         self.x = np.full((steps, STATES), np.nan)
         self.noise = np.full((3, steps, 3), np.nan)
 
@@ -234,7 +233,7 @@ class _Record:
     def take(self, step: int, state: FilterState, is_measured: tuple[bool, bool, bool]) -> None:
         """One step of all runs."""
         self.squares[:, step] = squared_errors(state.x, self._truth[step])
-        self.nees += nees(state.x, state.P, self._truth[step])
+        self.consistency.add_state(state.x, state.P, self._truth[step])
         variances = state.P.diagonal(axis1=-2, axis2=-1)[:, [0, 1, 4]].sum(axis=0)
         self.claimed[step] = variances * np.square([1.0, 1.0, np.degrees(1.0)])
         self.x[step] = state.x[0, :STATES]
@@ -245,8 +244,7 @@ class _Record:
             self.noise[0, step, place] = _first(noise.variance)
             self.noise[1, step, place] = _first(noise.dom_ratio)
             if is_measured[place] and noise.nis is not None:
-                self.nis += noise.nis
-                self.measured += 1
+                self.consistency.add_innovation(noise.nis)
 
     def track(self) -> RunTrack:
         """The first run."""
@@ -275,11 +273,10 @@ def run_method(name: str, setting: Setting, *, first: bool) -> Outcome:
         seconds += time.thread_time() - start_s
         fix, heading = bool(runs.has_gps[step]), bool(runs.has_compass[step])
         record.take(step, state, (fix, fix, heading))
-    steps = len(runs.truth) - 1
     return Outcome(
         mse={span: record.squares[:, rows].mean(axis=1) for span, rows in setting.spans.items()},
-        nees=record.nees / steps,
-        nis=record.nis * CHANNELS / record.measured if record.measured else np.full(len(record.nis), np.nan),
+        nees=record.consistency.mean_nees,
+        nis=record.consistency.mean_nis,
         squares=record.squares.sum(axis=0),
         claimed=record.claimed,
         seconds=seconds,

@@ -1,4 +1,4 @@
-"""What may be said from many runs: means with intervals, paired ratios, consistency, and how odd one run is.
+"""What may be said from many runs: means with intervals, paired ratios, and how odd one run is.
 
 Samples are (runs,) or (runs, 3), one number for each run; seeds are shared, so samples of two methods are paired.
 All intervals are 95 %, two-sided.
@@ -15,10 +15,6 @@ from shore.navigation.numbers import Array, wrapped
 
 COMPONENTS: Final = ("east_m2", "north_m2", "heading_deg2")
 """Names of the three columns, everywhere."""
-STATES: Final = 5
-"""NEES is taken of the five states that every filter has."""
-CHANNELS: Final = 3
-"""ANIS is scaled to three measured numbers a step."""
 TRANSIENT_STEPS: Final = 50
 _STUDENT: Final = (12.706, 4.303, 3.182, 2.776)
 """Tabled for 1 to 4 degrees, where the expansion is too small."""
@@ -76,15 +72,6 @@ def squared_errors(x: Array, truth: Array) -> Array:
     errors[..., :2] = x[..., :2] - truth[:2]
     errors[..., 2] = np.degrees(wrapped(x[..., 4] - truth[4]))
     return np.square(errors)
-
-
-def nees(x: Array, P: Array, truth: Array) -> Array:
-    """Normalised estimation error squared (...) of the five states; mean 5 when P is right."""
-    error = x[..., :STATES] - truth
-    error[..., 4] = wrapped(error[..., 4])
-    solved = np.linalg.solve(P[..., :STATES, :STATES], error[..., np.newaxis])[..., 0]
-    normalised: Array = np.einsum("...i,...i->...", error, solved)
-    return normalised
 
 
 def spans(steps: int, change: int | None, silent: npt.NDArray[np.int_], *, biased: bool) -> dict[str, slice]:

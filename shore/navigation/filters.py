@@ -38,14 +38,13 @@ from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.rules import NOISE_RULES
 from shore.navigation.numbers import Array, Number, larger
 from shore.navigation.restart import Assumed, Opening, Operation, Passed
+from shore.navigation.tilt_leak import LARGEST_LEAK_PER_M
 from shore.navigation.ukf import predict_unscented
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
 
 COURSE_SIGMA_DEG: Final = 20.0
 """A course over ground taken as heading (boats without compass): leeway, current and sideways motion of the antenna."""
-LARGEST_TILT_LEAK_PER_M: Final = 0.4
-"""Unbounded, the product of two uncertain states diverged when it was tried."""
 
 
 class FilterState(NamedTuple):
@@ -332,7 +331,7 @@ def _space(imu: SensorTable) -> StateSpace:
         if axis in imu.use:
             extras.append(Extra(name, imu.bias_accel_sigma_m_s2, imu.bias_accel_walk_m_s2))
     if "accel_fwd" in imu.use:
-        extras.append(Extra("tilt_leak_per_m", imu.tilt_leak_sigma_per_m, limit=LARGEST_TILT_LEAK_PER_M))
+        extras.append(Extra("tilt_leak_per_m", imu.tilt_leak_sigma_per_m, limit=LARGEST_LEAK_PER_M))
     return StateSpace(tuple(extras))
 
 

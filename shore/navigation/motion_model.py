@@ -15,7 +15,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shore.navigation.numbers import Array, Components, Number, components, hypot, magnitude, part, sin_cos, tanh
+from shore.navigation import tilt_leak
+from shore.navigation.numbers import Array, Components, Number, components, hypot, part, sin_cos
 
 BASE_NAMES: Final = ("east_m", "north_m", "v_east_m_s", "v_north_m_s", "heading_rad")
 EAST, NORTH, V_EAST, V_NORTH, HEADING = range(len(BASE_NAMES))
@@ -31,22 +32,11 @@ EXTRA_NAMES: Final = (
     "compass_bias_rad",
     "way_m_s",
 )
-"""Biases are what the sensor shows too much. `tilt_leak_per_m` = c: the bow rises with speed, so the forward
-accelerometer shows c L of gravity too much; L = u |u| as long as that is small, u = speed through the water along the
-bow. The current is where the water flows to; the way is the speed through the water that the thrust keeps up."""
+"""Biases are what the sensor shows too much, and so is the tilt leak (`tilt_leak.py`). The current is where the water
+flows to; the way is the speed through the water that the thrust keeps up."""
 
 FREE_ACCEL_DENSITY: Final = math.sqrt(0.2)
 """m/s^2/sqrt(Hz): an axis without IMU moves at constant velocity disturbed by 0.2 m^2/s^3."""
-
-LARGEST_LIFT_M2_S2: Final = 9.0
-"""A = (3 m/s)^2, in L = A tanh(u |u| / A): about its hull speed (3 m/s for a boat of 6 m) a boat keeps its trim.
-Without this end a wrong c feeds on itself: the faster the boat is thought to be, the harder it is thought to
-accelerate. c stays linear: were c L bounded, a filter at the bound would take c for known, and blame the bias."""
-
-TRIM_UNREST: Final = 0.5
-"""sqrt(s): where the bow rises with speed, the forward axis is by this times (1-sigma of c) L noisier. The bow does
-not follow the speed at once: for half a second after each change of thrust the leak is wrong by about half of what is
-expected of it, and half x sqrt(2 x 0.5 s) = 0.5."""
 
 FREE_TURN_DENSITY_DEG: Final = 5.0
 """deg/s/sqrt(Hz): without a yaw rate the heading is a random walk.
@@ -202,18 +192,13 @@ def _drive(space: StateSpace, parts: Components, dt_s: float, imu: ImuInput) -> 
     lift: Number = 0.0
     if leak is not None:
         along = _along(space, parts, sin, cos)
-        lift = _lift(along)
+        lift = tilt_leak.lift(along)
         fwd = fwd - parts[leak] * lift
     if fwd_bias is not None:
         fwd = fwd - parts[fwd_bias]
     if stb_bias is not None:
         stb = stb - parts[stb_bias]
     return _Drive(sin, cos, turn, fwd, stb, along, lift)
-
-
-def _lift(along: Number) -> Number:
-    """L of a speed along the bow, m^2/s^2."""
-    return LARGEST_LIFT_M2_S2 * tanh(along * magnitude(along) / LARGEST_LIFT_M2_S2)
 
 
 def _along(space: StateSpace, parts: Components, sin: Number, cos: Number) -> Number:
@@ -228,7 +213,7 @@ def _along(space: StateSpace, parts: Components, sin: Number, cos: Number) -> Nu
 def lift_of(space: StateSpace, x: Array) -> Number:
     """L of the tilt leak at states (..., n), m^2/s^2."""
     parts = components(x)
-    return _lift(_along(space, parts, *sin_cos(parts[HEADING])))
+    return tilt_leak.lift(_along(space, parts, *sin_cos(parts[HEADING])))
 
 
 Sloped = tuple[Number, dict[int, Number]]
@@ -257,7 +242,7 @@ def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
     leak = space.places[3]
     if leak is None:
         return noise
-    trim = TRIM_UNREST * space.extras[leak - len(BASE_NAMES)].sigma * lift_of(space, x)
+    trim = tilt_leak.trim_density(space.extras[leak - len(BASE_NAMES)].sigma, lift_of(space, x))
     return ProcessNoise(hypot(noise.accel_fwd, trim), noise.accel_stb, noise.yaw_rate)
 
 
@@ -297,12 +282,10 @@ def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> 
     slope_east: dict[int, Any] = {HEADING: a_north}
     slope_north: dict[int, Any] = {HEADING: -a_east}
     if leak is not None:
-        speed: Number = np.abs(drive.along)
         # d fwd: by the leak itself, by the velocity along the bow, by the heading that resolves it
         v_east, v_north = x[..., V_EAST], x[..., V_NORTH]
-        slope = 1.0 - (drive.lift / LARGEST_LIFT_M2_S2) ** 2
         terms: dict[int, Any] = {leak: -drive.lift}
-        by_speed = -2.0 * slope * x[..., leak] * speed
+        by_speed = tilt_leak.accel_by_speed(x[..., leak], drive.along, drive.lift)
         terms[V_EAST], terms[V_NORTH] = by_speed * sin, by_speed * cos
         if current_east is not None and current_north is not None:
             terms[current_east], terms[current_north] = -terms[V_EAST], -terms[V_NORTH]

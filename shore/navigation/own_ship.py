@@ -4,22 +4,21 @@ frame -> Intake (corrected measurements) -> Timeline or Synchronous (order) -> B
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from common.boat_config import BoatConfig
 from common.messages import Event, Frame
-from common.units import NS_PER_S
 from shore.navigation.alignment import Alignment, before_start
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filter_bank import Bank, Moment
 from shore.navigation.filters import build_filter, facts_of
 from shore.navigation.fixed_steps import Synchronous
 from shore.navigation.intake import FAR_FIXES, Intake
+from shore.navigation.judge import Judge
 from shore.navigation.measurements import FARTHEST_M
 from shore.navigation.notices import Notices
+from shore.navigation.start_events import StartEvents
 from shore.navigation.timeline import AHEAD_S, HORIZON_S, Timeline
-
-WAITING_AFTER_NS: Final = 5 * NS_PER_S
 
 
 class Estimated(NamedTuple):
@@ -34,20 +33,26 @@ class Estimated(NamedTuple):
 class OwnShip:
     """The filters over one clock of the board, whose times are comparable, and one local plane."""
 
-    def __init__(self, config: BoatConfig, names: Sequence[str], step_s: float | None) -> None:
-        """`step_s`: fuse synchronously every so many seconds, as in the thesis. Raises WayfixError: unknown filter."""
+    def __init__(
+        self, config: BoatConfig, names: Sequence[str], step_s: float | None, judge: Judge | None = None
+    ) -> None:
+        """`step_s`: fuse synchronously every so many seconds, as in the thesis. `judge`: each filter begins with it.
+
+        Raises: WayfixError for an unknown filter.
+        """
         facts = facts_of(config)
         self.notices = Notices()
         self._intake = Intake(config, self.notices.add)
         self._names = tuple(names)
         self._alignments = {name: Alignment() for name in names}
-        filters = [build_filter(name, facts) for name in names]
+        filters = [build_filter(name, facts, judge=judge) for name in names]
         self._bank = Bank(filters, facts, has_compass=bool(config.with_role("compass")))
         self._feeder: Timeline | Synchronous = (
             Timeline(self._bank, self._intake.imu)
             if step_s is None
             else Synchronous(self._bank, self._intake.imu, step_s)
         )
+        self._start_events = StartEvents(self.notices, has_compass=self._bank.has_compass)
         self._first_ns: int | None = None
         self._newest_ns = 0
 
@@ -69,7 +74,7 @@ class OwnShip:
         self._notice_resets()
         estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
         waiting = self._waiting(moments[-1], estimates) if moments else None
-        self._notice_start(moments, estimates, waiting, self._first_ns)
+        self._start_events.take(moments, estimates, waiting, first_ns=self._first_ns, newest_ns=self._newest_ns)
         self._notice_unused()
         return Estimated(tuple(estimates), self.notices.take(), waiting)
 
@@ -97,25 +102,6 @@ class OwnShip:
                 self._alignments[name].begin_again()
                 self.notices.say("filter-reset", t_ns, filter=name)
         self._bank.resets.clear()
-
-    def _notice_start(
-        self,
-        moments: Sequence[Moment],
-        estimates: Sequence[Estimate],
-        waiting: tuple[str, ...] | None,
-        first_ns: int,
-    ) -> None:
-        """The stages of a start, each once: started, or waiting for more than 5 s; aligned."""
-        if estimates and self.notices.once("filter-started"):
-            lat_deg, lon_deg = round(estimates[0].lat_deg, 6), round(estimates[0].lon_deg, 6)
-            self.notices.say("filter-started", estimates[0].t_ns, lat_deg=lat_deg, lon_deg=lon_deg)
-            self.notices.once("filter-waiting")  # a filter that runs waits for nothing any more
-        late = next((moment for moment in moments if moment.t_ns - first_ns >= WAITING_AFTER_NS), None)
-        if late is not None and self.notices.once("filter-waiting"):
-            missing = before_start(late.position, late.heading, self._bank.has_compass)
-            self.notices.say("filter-waiting", late.t_ns, missing=", ".join(missing))
-        if waiting == () and self.notices.once("filter-aligned"):
-            self.notices.say("filter-aligned", self._newest_ns)
 
     def _notice_unused(self) -> None:
         self.notices.summed("late-dropped", self._feeder.late, self._newest_ns, limit_s=HORIZON_S)

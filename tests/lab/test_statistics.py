@@ -7,7 +7,6 @@ import pytest
 
 from shore.lab.statistics import (
     mean_of,
-    nees,
     oddness,
     ratio_of,
     running_rms,
@@ -59,20 +58,6 @@ def test_errors_are_wrapped_across_north() -> None:
     truth = np.array([10.0, 20.0, 0.0, 0.0, math.radians(359.0)])
     estimates = np.array([[11.0, 18.0, 0.0, 0.0, math.radians(2.0)], [10.0, 20.0, 0.0, 0.0, math.radians(-3.0)]])
     assert squared_errors(estimates, truth) == pytest.approx(np.array([[1.0, 4.0, 9.0], [0.0, 0.0, 4.0]]))
-
-
-def test_nees_is_five_for_errors_of_the_claimed_covariance() -> None:
-    rng = np.random.default_rng(5)
-    half = rng.normal(size=(8, 8)) + 3.0 * np.eye(8)
-    P = half @ half.T * 1e-3
-    truth = np.array([1.0, 2.0, 3.0, 4.0, 3.1])
-    x = np.zeros((20_000, 8))
-    x[:, :5] = truth
-    x += rng.multivariate_normal(np.zeros(8), P, size=len(x))
-    x[:, 4] = np.angle(np.exp(1j * x[:, 4]))
-    found = nees(x, np.tile(P, (len(x), 1, 1)), truth)
-    assert found.mean() == pytest.approx(5.0, abs=0.1)
-    assert found.var() == pytest.approx(10.0, abs=0.7)
 
 
 def test_a_run_with_a_change_has_three_parts_that_join() -> None:

@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shore.navigation.noise.fuzzy import FUZZY, FUZZY_THESIS, THESIS_SHAPE, Memory, fuzzy_alpha
+from shore.navigation.noise.fuzzy import FUZZY, Memory
+from shore.navigation.noise.fuzzy_thesis import FUZZY_THESIS, THESIS_SHAPE, fuzzy_alpha
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise, FixedNoise, NoiseRule
+from shore.navigation.noise.outlier_guard import not_equal
 from shore.navigation.numbers import Array
 from tests.navigate.batches import GOOD, POOR, TABLE_5_3, Outcome, follow, noisy, ratios, told
 from tests.navigate.voyages import Truth
@@ -175,19 +177,10 @@ def test_our_rule_moves_from_the_first_sample() -> None:
     assert first.dom_ratio == pytest.approx(16.0 / 3.0)
 
 
-@pytest.mark.parametrize("entries", [1.0, 8.0, 60.0])
-def test_equal_is_as_wide_as_the_scatter_of_a_window(entries: float) -> None:
-    width = math.sqrt(2.0 / entries)
-    for widths, membership in ((0.0, 0.0), (2.49, 0.0), (3.0, 0.5), (3.51, 1.0)):
-        assert FUZZY.not_equal(math.exp(widths * width), entries) == pytest.approx(membership)
-        assert FUZZY.not_equal(math.exp(-widths * width), entries) == pytest.approx(membership)
-    assert FUZZY.not_equal(0.0, entries) == 1.0
-
-
 def test_a_healthy_sensor_hardly_ever_leaves_equal_and_its_variance_scatters_little() -> None:
     history = feed(FUZZY, Channel(9.0), random_innovations([3.0] * 20_000))[200:]
     dom_ratios = np.array([float(noise.dom_ratio or 0.0) for noise in history])
-    assert np.mean(FUZZY.not_equal(dom_ratios, 2.0 * FUZZY.short - 1.0) > 0.0) < 0.02
+    assert np.mean(not_equal(dom_ratios, 2.0 * FUZZY.short - 1.0) > 0.0) < 0.02
     variances = np.array([learned(noise) for noise in history])
     assert variances.mean() == pytest.approx(9.0, rel=0.03)
     assert variances.std() / 9.0 < 0.16  # a plain mean of 120 squares: 0.13
@@ -206,7 +199,7 @@ def test_a_stale_long_window_gives_way_to_the_short_one() -> None:
     """Fifty samples say R = 1; the last six and the newest show 104 = prior variance 4 + R 100."""
     memory = Memory(1.0, 50.0, 50.0, 6.0, 6.0 * 104.0, 6.0 * 4.0)
     noise = FUZZY.adapt(Channel(1.0), ChannelNoise(1.0, memory), math.sqrt(104.0), 4.0)
-    assert FUZZY.not_equal(float(noise.dom_ratio or 0.0), 6.0) == 1.0
+    assert not_equal(float(noise.dom_ratio or 0.0), 6.0) == 1.0
     assert learned(noise) == pytest.approx(100.0)
 
 

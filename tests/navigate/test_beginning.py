@@ -1,4 +1,4 @@
-"""The first state: all the IMU shows may be bias, the antenna has a lever; the trim is restless as the bow is high."""
+"""The first state: all the IMU shows may be bias, the antenna has a lever."""
 
 import math
 
@@ -13,18 +13,13 @@ from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import (
     FIVE,
-    LARGEST_LIFT_M2_S2,
-    TRIM_UNREST,
     Extra,
-    Gaussian,
     ImuInput,
     ProcessNoise,
     StateSpace,
     body_to_plane,
-    with_trim,
 )
 from shore.navigation.noise.noise_rule import Channel
-from shore.navigation.numbers import Array
 from shore.pipeline import Pipeline
 
 LEAKY = StateSpace(
@@ -133,26 +128,3 @@ def test_the_station_takes_the_second_before_the_start(step_s: float | None) -> 
     P[np.triu_indices(size)] = first.covariance
     place = first.names.index("accel_bias_fwd_m_s2")
     assert math.sqrt(P[place, place]) == pytest.approx(math.hypot(1.0, 0.1), rel=0.02)
-
-
-def at_speed(speed_m_s: float | Array) -> Gaussian:
-    speed = np.asarray(speed_m_s)
-    x = np.zeros((*speed.shape, LEAKY.size))
-    x[..., 3] = speed
-    return Gaussian(LEAKY, x, np.zeros((*speed.shape, LEAKY.size, LEAKY.size)))
-
-
-def test_the_forward_axis_is_noisier_the_higher_the_bow() -> None:
-    quiet = ProcessNoise(0.1, 0.1, 0.01)
-    assert with_trim(at_speed(0.0), quiet).accel_fwd == pytest.approx(0.1)
-    assert with_trim(at_speed(1.0), quiet).accel_fwd == pytest.approx(math.hypot(0.1, TRIM_UNREST * 0.2), rel=0.01)
-    most = math.hypot(0.1, TRIM_UNREST * 0.2 * LARGEST_LIFT_M2_S2)
-    assert with_trim(at_speed(-30.0), quiet).accel_fwd == pytest.approx(most)
-    assert with_trim(at_speed(1.0), quiet)[1:] == quiet[1:]
-    assert with_trim(Gaussian(FIVE, np.ones(5), np.eye(5)), quiet) == quiet
-
-
-def test_a_batch_has_the_trim_of_each_run() -> None:
-    noise = with_trim(at_speed(np.array([0.0, 1.0, 2.0])), ProcessNoise(0.1, 0.1, 0.01))
-    alone = [float(with_trim(at_speed(speed), ProcessNoise(0.1, 0.1, 0.01)).accel_fwd) for speed in (0.0, 1.0, 2.0)]
-    assert noise.accel_fwd == pytest.approx(alone)

@@ -1,10 +1,14 @@
 """The seat of a judge of sensors: what it may do to an update; a rewind gives the verdicts of the order of time."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from common.messages import Frame
+from shore.navigation.estimate import Estimate
 from shore.navigation.filter_bank import Bank, Batch, Moment
 from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter
 from shore.navigation.judge import Evidence, Judge, Verdict
@@ -12,7 +16,8 @@ from shore.navigation.measurements import Measurement, Position, TrueHeading
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Number
 from shore.navigation.timeline import Timeline
-from tests.navigate.voyages import state_of
+from shore.pipeline import Pipeline
+from tests.navigate.voyages import BOAT, state_of
 
 S = 1_000_000_000
 CHANNELS = {"g.east": Channel(4.0), "g.north": Channel(4.0), "c.heading": Channel(0.01)}
@@ -154,3 +159,25 @@ def test_it_knows_what_the_filter_knew() -> None:
     assert east.state.x is before.x
     assert (north.channel, north.innovation) == ("g.north", -1.0)
     assert north.state.x[0] > 0.0
+
+
+def played(frames: Sequence[Frame], step_s: float | None, judge: Judge | None) -> list[Estimate]:
+    """Of two filters; the board boots again in the middle, so that they start twice."""
+    half = len(frames) // 2
+    again = [replace(f, boot_id="b2", clock_id="c2", start_no=2, seq=f.seq - half) for f in frames[half:]]
+    pipeline = Pipeline(BOAT, ("ukf", "kf"), step_s, judge)
+    return [estimate for frame in (*frames[:half], *again) for estimate in pipeline.push(frame).estimates]
+
+
+@pytest.mark.parametrize("step_s", [None, 1.0])
+def test_the_pipeline_hands_its_judge_to_every_filter_at_every_start(
+    short_voyage: list[Frame], step_s: float | None
+) -> None:
+    frames = short_voyage[:80]
+    free = played(frames, step_s, None)
+    assert {(each.filter, each.boot_id) for each in free} == {
+        (name, boot) for name in ("ukf", "kf") for boot in (frames[0].boot_id, "b2")
+    }
+    assert played(frames, step_s, Always(1.0)) == free
+    assert all(each.channels for each in free[-2:])
+    assert not any(each.channels for each in played(frames, step_s, Always(None)))

@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from shore.navigation.noise.fuzzy import WINDOW_COVERS_S
-from shore.navigation.noise.noise_rule import BeforeUpdate, Channel, ChannelNoise
+from shore.navigation.noise.noise_rule import WINDOW_COVERS_S, BeforeUpdate, Channel, ChannelNoise
 from shore.navigation.numbers import Number, choose, clip
 
 

@@ -7,9 +7,12 @@ numbers are floats for one boat, arrays (runs,) for a batch.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from shore.navigation.numbers import Number
+
+WINDOW_COVERS_S: Final = 20.0
+"""A window of N entries spans at least this long: above N / 20 samples a second, several samples make one entry."""
 
 
 class Channel(NamedTuple):

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from shore.navigation.noise.covariance_matching import INNOVATION_MATCHING, RESIDUAL_MATCHING
-from shore.navigation.noise.fuzzy import FUZZY, FUZZY_THESIS
+from shore.navigation.noise.fuzzy import FUZZY
+from shore.navigation.noise.fuzzy_thesis import FUZZY_THESIS
 from shore.navigation.noise.noise_rule import FixedNoise, NoiseRule
 from shore.navigation.noise.process_noise import FUZZY_QR
 from shore.navigation.noise.scale_bank import SCALE_BANK
