@@ -20,7 +20,7 @@ from shore.logbook.estimate_rounding import logged
 from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, POSITIONS, TRIP, json_schema
 
 LIBRARY: Final = "wayfix-export"
-"""In the header of the file: tells it from a log."""
+"""Name in the header of the file, by which an export differs from a log."""
 
 
 _LAST_NS: Final = 2**64 - 1
@@ -33,7 +33,7 @@ class _Message(NamedTuple):
     topic: str
     record: dict[str, Any]
     data: bytes | None = None
-    """The record, where it is bytes already."""
+    """The encoded record; `None` where it has not been encoded yet."""
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:

@@ -13,7 +13,7 @@ from shore.exports.track import ExportTrack, Row
 
 TALKER: Final = "IN"
 _MINUTES: Final = 60 * 10**7
-"""Steps of a coordinate in one degree: minutes with seven decimals."""
+"""Number of steps of a coordinate in one degree: minutes with seven decimals."""
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:

@@ -20,7 +20,7 @@ from shore.watchers.log import WholeLog
 from shore.watchers.watcher import Arrival, RunSeconds, Start, Step, Watcher, Watchers
 
 ENOUGH: Final = 6_000
-"""So many frames or fixes with a date (ten minutes of frames) tell the UTC of a recording."""
+"""Number of frames or fixes with a date (ten minutes of frames) that is enough to find the UTC of a recording."""
 MEASUREMENTS: Final = ("fixes", "headings", "turn_rates", "attitudes", "ais", "radar")
 
 
@@ -30,18 +30,18 @@ class Written:
 
     frames: int = 0
     bad: int = 0
-    """Frames that were not understood."""
+    """Number of frames that could not be decoded."""
     seconds: float = 0.0
     utc_ns: int | None = None
     """When the recording began; `None` = it does not say."""
     measurements: Counter[str] = field(default_factory=Counter)
     usable_fixes: int = 0
     estimates: Counter[str] = field(default_factory=Counter)
-    """By filter."""
+    """Number of estimates of each filter."""
     aligned: int = 0
-    """Estimates of the first filter that were valid."""
+    """Number of valid estimates of the first filter."""
     events: Counter[str] = field(default_factory=Counter)
-    """By level."""
+    """Number of events of each level."""
 
 
 def utc_offset_ns(frames: Iterable[Frame]) -> int | None:

@@ -1,4 +1,4 @@
-"""The ways of an import, by kind of file; all of them end in `write`."""
+"""Import pipelines, one for each kind of file; all of them end in `write`."""
 
 import sys
 import tempfile
@@ -30,7 +30,7 @@ from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.terminal import say
 
 PACE_HZ: Final = 1.0
-"""JSON without any time."""
+"""Pace of JSON records without any time, Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,19 +38,19 @@ class ImportOptions:
     """What an import was asked for."""
 
     filters: tuple[str, ...] = ()
-    """The first leads; none = frames only."""
+    """Names of the filters, the first leads; empty = the log holds frames only."""
     trip: dict[str, Any] | None = None
-    """What a person calls it (`trip_record`)."""
+    """Name, place and note of the trip (`trip_record`); `None` = none was given."""
     map: Path | None = None
-    """Which column of a table is what; a table needs it."""
+    """Mapping file that says which column of a table is what; a table needs one."""
     config: Path | None = None
-    """The boat's file; `None` = the sensors are those found in the recording."""
+    """The boat's configuration file; `None` = the sensors are those found in the recording."""
     port: str | None = None
-    """`[[port]]` of `config` that a serial recording is of."""
+    """The `[[port]]` of `config` that a serial recording comes from."""
     vessel: str | None = None
-    """Whose Signal K deltas; `None` = the server's own."""
+    """The vessel whose Signal K deltas are read; `None` = the server's own."""
     lines_per_second: float | None = None
-    """Pace of a recording without times."""
+    """Pace of a recording without times, lines a second."""
 
 
 @dataclass(slots=True)
@@ -64,11 +64,11 @@ class Job:
     accounts: tuple[Account, ...] = ()
     notes: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
-    """What else is kept in the log: sensor -> source, gaps."""
+    """Facts that are kept in the log besides: the source of each sensor, gaps."""
     digest: str = ""
 
     def record(self) -> dict[str, Any]:
-        """Of the log's `end` record and the summary."""
+        """Record of the import for the log's `end` record and for the summary."""
         accounts = {account.unit: account.as_record() for account in self.accounts}
         made = {"file": self.source.name, "sha256": self.digest, "kind": str(self.kind)}
         return {**made, "accounts": accounts, "notes": self.notes, **self.facts}
@@ -249,7 +249,7 @@ def _shown(items: Iterator[bytes], words: str, total: int | None) -> Iterable[by
 
 @contextmanager
 def _bytes_shown(words: str, size: int) -> Iterator[Callable[[int], None] | None]:
-    """A bar over the bytes of a file; `None` where nobody looks."""
+    """A bar over the bytes of a file; `None` where stderr is no terminal."""
     if not (sys.stderr and sys.stderr.isatty()):
         yield None
         return

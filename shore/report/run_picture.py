@@ -1,4 +1,4 @@
-"""The picture of a run: tracks, headings and position errors of raw sensors and filters against the truth."""
+"""Error plots of a run: tracks, headings and position errors of raw sensors and filters against the truth."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -25,7 +25,7 @@ STYLES: Final[dict[str, dict[str, Any]]] = {
 }
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis", "ukf", "fuzzy")
 INSET_M: Final = 45.0
-"""Half width of the enlarged piece of track."""
+"""Half width of the enlarged piece of track, m."""
 CORNERS: Final = ((0, 1), (1, 1), (0, 0), (1, 0))
 
 
@@ -54,7 +54,7 @@ def draw(path: Path, score: Score, frames: list[Frame], estimates: list[dict[str
 
 
 def _track(score: Score, estimates: list[dict[str, Any]]) -> Points:
-    """(m, 2) east/north metres about the reference's first point."""
+    """Track (m, 2), east/north metres about the reference's first point."""
     return np.array([score.reference.plane.to_east_north_m(item["lat_deg"], item["lon_deg"]) for item in estimates])
 
 
