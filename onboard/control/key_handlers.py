@@ -1,4 +1,4 @@
-"""What the control socket can ask about keys: pair, pair-outcome, pair-close, keys, revoke, reload."""
+"""Key management handlers of the control socket: pair, pair-outcome, pair-close, keys, revoke, reload."""
 
 import asyncio
 from collections.abc import Callable
@@ -28,7 +28,7 @@ class KeyRequests:
         self._changed = changed
 
     def handlers(self) -> dict[str, Handler | Lasting]:
-        """For `Control`."""
+        """The handlers, for `Control`."""
         return {
             "pair": self._pair,
             "pair-outcome": Lasting(self._pair_outcome, self._call_off),
@@ -39,7 +39,7 @@ class KeyRequests:
         }
 
     async def reload(self) -> None:
-        """Read the allow list again and tell what is wrong with it: at the start, on SIGHUP, on request."""
+        """Read the allow list again and report what is wrong with it: at the start, on SIGHUP, on request."""
         await asyncio.to_thread(self._access.reload)
         self.tell_faults()
         count = len(self._access.entries)
@@ -47,7 +47,7 @@ class KeyRequests:
         self._changed()
 
     def tell_faults(self) -> None:
-        """One event when the list, as it was last read, has faults."""
+        """Make one event when the list, as it was last read, has faults."""
         if faults := self._access.faults:
             file, count = str(self._access.file), len(faults)
             self._journal.tell("keys-damaged", file=file, count=count, first=faults[0])

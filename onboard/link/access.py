@@ -1,4 +1,4 @@
-"""Who may connect: the board's own key, its list of stations, and the handler that libzmq asks at each handshake.
+"""Access control list of the link: the board's own key, its stations, and the handler of libzmq's handshakes (ZAP).
 
 The list is `allowed-keys` in the state directory, one line for each station: `KEY RIGHTS NAME`, rights `read` or
 `read,command` (`common.key_list`). Whatever is doubtful in it lets nobody in.
@@ -35,7 +35,7 @@ class Allowed:
     """One station of the list."""
 
     key: str
-    """Z85."""
+    """Public key of the station, 40 characters of Z85."""
     name: str
     rights: frozenset[str]
 
@@ -55,13 +55,13 @@ class Access:
         self._lock = threading.Lock()
         self._allowed: dict[str, Allowed] = {}
         self._revoked: set[str] = set()
-        """Keys that are still in the file because it could not be written."""
+        """Keys that are refused, though they are still in the file because it could not be written."""
         self.faults = self.reload()
         """What was wrong with the list when it was last read."""
 
     @property
     def entries(self) -> list[Allowed]:
-        """In the order of the list."""
+        """The stations in the order of the list."""
         return list(self._allowed.values())
 
     def rights_of(self, user_id: str | None) -> frozenset[str] | None:
@@ -156,11 +156,11 @@ def _reason(error: OSError | WayfixError) -> str:
 
 ZAP_ENDPOINT: Final = "inproc://zeromq.zap.01"
 SELF_TEST_S: Final = 3.0
-"""Of waiting at most; it takes some 10 ms."""
+"""Time-out of the self-test, s; it takes some 10 ms."""
 TOLD_EACH_S: Final = 60.0
-"""Refusals are told at most so often: a station that is not on the list tries again for ever."""
+"""Interval of the reports of refusals, s, at least: a station that is not on the list tries again for ever."""
 _AT_ONCE: Final = 64
-"""Requests answered in one turn of the loop."""
+"""Number of requests that are answered in one turn of the loop."""
 _HANDSHAKES: Final = zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH
 
 
@@ -174,7 +174,7 @@ class Zap:
     def __init__(
         self, context: "zmq.Context[zmq.Socket[bytes]]", access: Access, refused: Callable[[str], None] | None = None
     ) -> None:
-        """Refused: is told the public key of a stranger, at most once a minute."""
+        """refused: called with the public key of a stranger, at most once a minute."""
         self._context = context
         self._access = access
         self._tell = refused
@@ -187,7 +187,7 @@ class Zap:
         self._socket.bind(ZAP_ENDPOINT)
 
     async def run(self) -> None:
-        """Answer until cancelled."""
+        """Answer handshakes until cancelled."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._socket.fileno(), self._answer_all)
         try:
@@ -235,7 +235,7 @@ class Zap:
             raise WayfixError(f"a stranger's key is not refused: {verdict}", "self-test of the keys", cure)
 
     def _answer_all(self) -> None:
-        """The descriptor tells of a change once: read until nothing is left, or come back."""
+        """The descriptor signals a change once: read until nothing is left, or come back."""
         if self._socket.closed:
             return
         for _ in range(_AT_ONCE):

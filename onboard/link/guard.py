@@ -21,12 +21,12 @@ class Guard:
 
     @property
     def secret_key(self) -> bytes | None:
-        """The board's own, Z85; `None` = nothing is encrypted."""
+        """The board's own secret key, Z85; `None` = nothing is encrypted."""
         return None if self.access is None else self.access.secret_key
 
     @property
     def public_key(self) -> str | None:
-        """The board's own, Z85; `None` on an open link."""
+        """The board's own public key, Z85; `None` on an open link."""
         return None if self.access is None else self.access.public_key.decode("ascii")
 
     async def start(self) -> list[asyncio.Task[None]]:

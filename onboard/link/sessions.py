@@ -1,4 +1,4 @@
-"""What each client asked for, and what of it is on its way. Pure: leases and times in, what to send next out.
+"""Flow control for each client (leases, window): which frames are on their way and which to send next. Pure.
 
     newest frame first (behind the last fix), then missing ranges oldest first, never more than the client's window on
     the way.
@@ -20,9 +20,9 @@ from onboard.spool import Run
 
 LEASE_NS: Final = int(LEASE_S * NS_PER_S)
 FILL_SHARE: Final = 0.5
-"""Of the window, for missing frames: a new frame always finds room."""
+"""Share of the window for missing frames: a new frame always finds room."""
 MAX_GONE: Final = 64
-"""Ranges told in one answer."""
+"""Most ranges that one answer reports as gone."""
 
 
 def gone_of(missing: Sequence[FrameRange], held: Sequence[Run]) -> list[FrameRange]:
@@ -43,7 +43,7 @@ def gone_of(missing: Sequence[FrameRange], held: Sequence[Run]) -> list[FrameRan
 
 
 class Pace:
-    """So many at once, then so many a second: for what a client causes that stays, events and work."""
+    """Token bucket, for events and work that a client causes: so many at once, then so many a second."""
 
     def __init__(self, at_once: int, per_s: float) -> None:
         self._at_once = at_once
@@ -77,17 +77,17 @@ class Session:
     """(seq, header, data) of the last frame with a fix that found no room; sent before the newest, unless it was."""
     frames_sent: int = 0
     gone: list[FrameRange] = field(default_factory=list)
-    """Found missing on the board while it read; told with the next answer."""
+    """Ranges that were missing on the board when it read; the next answer reports them."""
     wanted: deque[FrameRange] = field(default_factory=deque)
-    """Missing ranges less what is on its way."""
+    """Missing ranges without the frames that are on their way."""
     in_order: InOrder | None = None
-    """The place of a bounded run."""
+    """Position of a bounded run; None = the client has asked for none."""
     is_ended: bool = False
-    """`end` is sent: the client is not served any more, unless it comes back over a new connection."""
+    """True once `end` is sent: the client is not served any more, unless it comes back over a new connection."""
     _sent: int = 0
     _base: int = 0
     _on_the_way: deque[tuple[int, str, int]] = field(default_factory=deque)
-    """(bytes sent when it was out, boot_id, seq) of each frame that fills a gap."""
+    """Each frame that fills a gap and is on its way: bytes sent when it was out, boot_id, seq."""
 
     def renew(self, lease: Lease, connection: bytes, now_ns: int, frame_period_ns: int) -> None:
         """Take a newer lease; a first one on a new connection finds nothing on the way."""
@@ -115,7 +115,7 @@ class Session:
 
     @property
     def on_the_way(self) -> int:
-        """Bytes."""
+        """Bytes that are on their way."""
         return max(0, self._sent - (self.lease.received - self._base))
 
     def has_room(self, size: int, *, fill: bool) -> bool:
@@ -125,7 +125,7 @@ class Session:
 
     @property
     def fill_room(self) -> int:
-        """Bytes for missing frames that may be read now; 0 = none."""
+        """Bytes of missing frames that may be read now; 0 = none."""
         if self.connection is None:
             return 0
         return max(0, int(self.lease.window * FILL_SHARE) - self.on_the_way)

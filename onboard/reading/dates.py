@@ -1,6 +1,6 @@
-"""Which dates of a receiver can be.
+"""Plausibility of a receiver's dates, and repair of the GPS week rollover.
 
-A GPS week number begins anew every 1024 weeks (19.6 years); a receiver whose firmware does not know the present turn
+A GPS week number begins again every 1024 weeks (19.6 years); a receiver whose firmware does not know the present turn
 gives a date that much in the past, with the right time of day. Such a date is repaired, +1024 weeks, only where the
 result is proved: by a mapping that it meets to the second (another receiver, or itself before its turn), or by the
 board's file, whose owner knows the receiver. A daemon alone cannot tell it from an old recording that is played, so
@@ -21,12 +21,12 @@ from common.units import NS_PER_S
 from onboard.reading.utc_clock import TOLD_AFTER
 
 EARLIEST_UTC_NS: Final = 1_704_067_200 * NS_PER_S
-"""2024-01-01, before this program was first released: no boat that runs it can be earlier."""
+"""2024-01-01, ns since 1970, before this program was first released: no boat that runs it can be earlier."""
 LATEST_UTC_NS: Final = 3_471_292_800 * NS_PER_S
-"""2080-01-01: `80` is GPS's year 1980, which a receiver gives that knows no date."""
+"""2080-01-01, ns since 1970: `80` is GPS's year 1980, which a receiver without a date gives."""
 ROLLOVER_NS: Final = 1024 * 7 * 86_400 * NS_PER_S
 MET_NS: Final = 2 * NS_PER_S
-"""A repaired date that comes so near to the known UTC is proved."""
+"""Largest distance from the known UTC at which a repaired date is proved, ns."""
 
 _FIRST_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -35,11 +35,11 @@ class Dates:
     """Judges every pair before it goes into a frame or into the mapping."""
 
     def __init__(self, tell: Callable[[Event], None], rolled_over: Collection[str] = ()) -> None:
-        """tell: where it goes that a date is odd, once for each sensor; rolled_over: sensors to be repaired."""
+        """tell: takes the event of an odd date, once for each sensor; rolled_over: sensors to be repaired."""
         self._tell = tell
         self._rolled_over = frozenset(rolled_over)
         self._odd: Counter[tuple[str, str]] = Counter()
-        """By sensor and event code: pairs in a row."""
+        """Number of odd pairs in a row, by sensor and event code."""
         self._told: set[tuple[str, str]] = set()
 
     def judge(self, pair: ClockPair, known: Utc) -> ClockPair | None:
