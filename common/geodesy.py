@@ -12,7 +12,7 @@ from typing import Final
 WGS84_A_M: Final = 6378137.0
 WGS84_F: Final = 1.0 / 298.257223563
 _POLAR: Final = (1.0 - WGS84_F) ** 2
-"""Square of the polar radius in parts of the equatorial."""
+"""Square of the polar radius as a fraction of the square of the equatorial radius."""
 
 Vector = tuple[float, float, float]
 
