@@ -17,9 +17,9 @@ class Heard:
     """What sensors made of lines, by sensor id."""
 
     accepted: Counter[str] = field(default_factory=Counter)
-    """Lines."""
+    """Number of accepted lines of each sensor."""
     measured: Counter[str] = field(default_factory=Counter)
-    """Measurements, companions left out."""
+    """Number of measurements of each sensor, companions left out."""
 
     def measure(self, measurements: Iterable[Measurement]) -> None:
         """Count what came of one line, or of a pause."""

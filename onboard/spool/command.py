@@ -196,7 +196,7 @@ def _header(held: Sequence[Segment], directory: Path) -> Header:
 
 
 def _greeting(run: Run, head: Header, config_file: Path | None) -> dict[str, Any]:
-    """The fields of `connected`, as the daemon would have told them."""
+    """The fields of `connected`, as the daemon would have sent them."""
     config = head.about.get("config")
     if config_file is not None:
         from onboard.config import load

@@ -47,11 +47,11 @@ class Finding:
     file: str
     what: str
     is_damage: bool
-    """False = nothing that was stored is lost."""
+    """False when nothing that was stored is lost."""
     bytes: tuple[int, int] | None = None
-    """[start, end) of a damaged stretch."""
+    """Offsets [start, end) of a damaged stretch, bytes."""
     lost: tuple[int, int | None] | None = None
-    """Frames [first, last]; last None = nobody knows how many there were."""
+    """Numbers [first, last] of lost frames; last None = it is not known how many there were."""
 
     def __str__(self) -> str:
         text = f"{self.file}: {self.what}"

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 MIB: Final = 1 << 20
 LONGEST_DELAY_S: Final = 60.0
 STEADY_S: Final = 5.0
-"""Without a new fault, before a fault is over: a full disk takes a few frames now and then."""
+"""Time without a new fault after which a fault is over, s: a full disk takes a few frames now and then."""
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -61,7 +61,7 @@ class Writer:
         self._segment: Segment | None = None
         self._unsynced: list[Item] = []
         self._put_seq = self._synced_seq = -1
-        """The last frame in a file, the last durable one."""
+        """Number of the last frame in a file, and of the last durable one."""
         self._synced_s = self._retry_s = 0.0
         self._delay_s = 0.0
         self._failed_s = 0.0

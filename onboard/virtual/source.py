@@ -12,9 +12,9 @@ class Source(Protocol):
     """Lines for each of its ports, and the facts that the daemon needs about them."""
 
     bauds: Mapping[str, int]
-    """Port -> baud rate."""
+    """Baud rate of each port, by its name."""
     counted: tuple[str, tuple[str, ...]]
-    """By what the lines sent are counted (`sensor` or `port`), and all its names."""
+    """Unit by which the sent lines are counted (`sensor` or `port`), and the names of all of them."""
 
     def head(self) -> str:
         """What boat.toml says of itself, after `Written by`."""

@@ -34,9 +34,9 @@ class Terminal:
         os.set_blocking(self._master, False)
         fresh = self.link.with_name(f".{self.link.name}.new")
         fresh.unlink(missing_ok=True)
-        # Not by its number in /dev/pts: once this process was killed, that is the next pseudo-terminal of anybody.
+        # Not by its number in /dev/pts: once this process was killed, that is the next pseudo-terminal of any program.
         fresh.symlink_to(f"/proc/{os.getpid()}/fd/{self._keeper}")
-        # Replaced in one step: whoever looks sees the old or the new device, never no link.
+        # Replaced in one step: a reader sees the old or the new device, never no link.
         fresh.replace(self.link)
 
     def unplug(self) -> None:

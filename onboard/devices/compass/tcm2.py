@@ -27,7 +27,7 @@ from onboard.devices.nmea_fields import FieldFault
 from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
 
 FIELD_LIMIT_UT: Final = 1000.0
-"""For each axis; the device saturates at a tenth of it."""
+"""Largest magnetic field on each axis, microtesla; the device saturates at a tenth of it."""
 TEMPERATURES_C: Final = (-40.0, 70.0)
 """The device's own range; a value outside is in Fahrenheit, or wrong, and is left out."""
 _OUT_OF_RANGE: Final = 0x002 | 0x004
