@@ -18,7 +18,8 @@ from shore.imports.reader import ForeignRecord, Lines, Sources
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of
 
 _QUALITY_OF: Final[dict[int, int]] = {1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 6, 7: 7, 8: 8, 9: 3}
-"""gpsd's status -> quality of GGA: RTK fixed and floating, dead reckoning, surveyed (manual), simulated, P(Y) (PPS)."""
+"""Quality of GGA for each status of gpsd: RTK fixed and floating, dead reckoning, surveyed (manual), simulated, P(Y)
+(PPS)."""
 DAY_MS: Final = 86_400_000
 LARGEST: Final = 1e6
 MOST_WAITING: Final = 50

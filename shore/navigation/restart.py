@@ -46,17 +46,17 @@ class Opening:
     """What has happened to a filter since its start; immutable."""
 
     x: Array
-    """First state (..., n)."""
+    """Mean of the first state, (..., n)."""
     P: Array
-    """Its covariance (..., n, n)."""
+    """Covariance of the first state, (..., n, n)."""
     read_from: Mapping[int, str] = field(default_factory=dict)
     """Component -> channel it was read from: its variance holds that channel's R0, and follows when R is learned."""
     operations: tuple[Operation, ...] = ()
-    """All since the start, in order."""
+    """All operations since the start, in order."""
     counts: Mapping[str, int] = field(default_factory=dict)
-    """Sensor -> samples since the start."""
+    """Number of samples of each sensor since the start."""
     heard: Mapping[str, int] = field(default_factory=dict)
-    """Sensor -> operations since the start up to its last sample."""
+    """Number of operations since the start up to the last sample of each sensor."""
     due: int = FIRST_DUE
     """Samples of the slowest sensor at which it is filtered again next."""
 

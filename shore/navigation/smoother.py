@@ -30,9 +30,9 @@ class RtsLink(NamedTuple):
     x: Array
     """The earlier state, given all that was measured before the later one, (..., n)."""
     E: Array
-    """How it follows when the later one moves, (..., n, n)."""
+    """Smoother gain: how the earlier state follows when the later one moves, (..., n, n)."""
     L: Array
-    """Its covariance when the later one is known, (..., n, n)."""
+    """Covariance of the earlier state when the later one is known, (..., n, n)."""
     b: Array
     """The later state as it was predicted, (..., n)."""
 

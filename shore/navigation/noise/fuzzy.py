@@ -154,15 +154,15 @@ class FuzzyNoise(BeforeUpdate):
     """
 
     long: float = 60.0
-    """Memory of the long window, samples."""
+    """Memory of the long window, in samples."""
     short: float = 8.0
-    """Memory of the short window, samples."""
+    """Memory of the short window, in samples."""
     pseudo_samples: float = 3.0
     """Samples that R0 counts for."""
     full: float = 2.5
-    """The set "equal" is full up to here, in widths sqrt(2 / n) of log DoM, ..."""
+    """Distance up to which the set "equal" is full, in widths sqrt(2 / n) of log DoM."""
     empty: float = 3.5
-    """... and empty from here on, in the same widths."""
+    """Distance from which on the set "equal" is empty, in the same widths."""
     floor: float = 0.25
     """R0 may be four times too large. Not more: successive errors that are alike make small innovations, which would be
     taken for precision."""
