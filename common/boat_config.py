@@ -50,7 +50,7 @@ Name = Annotated[str, MaxLength(32)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoatTable:
-    """`[boat]`."""
+    """The table `[boat]`: the vessel itself."""
 
     id: Annotated[str, MaxLength(64)]
     variation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
@@ -60,7 +60,7 @@ class BoatTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FramesTable:
-    """`[frames]`."""
+    """The table `[frames]`: the frames that the daemon makes."""
 
     rate_hz: Annotated[float, Range(1.0, 20.0)] = 10.0
 

@@ -18,7 +18,7 @@ Vector = tuple[float, float, float]
 
 
 def _ecef_m(lat_deg: float, lon_deg: float) -> Vector:
-    """Of a point on the ellipsoid."""
+    """Earth-centred coordinates (ECEF) of a point on the ellipsoid, m."""
     lat, lon = math.radians(lat_deg), math.radians(lon_deg)
     prime_vertical = WGS84_A_M / math.sqrt(1.0 - (1.0 - _POLAR) * math.sin(lat) ** 2)
     ring = prime_vertical * math.cos(lat)

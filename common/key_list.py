@@ -17,7 +17,7 @@ MAX_NAME: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line."""
+    """One line of such a file."""
 
     key: str
     word: str
@@ -25,7 +25,7 @@ class Entry:
 
     @property
     def line(self) -> str:
-        """As it stands in the file."""
+        """The line as it stands in the file."""
         return f"{self.key} {self.word} {self.name}"
 
 

@@ -140,7 +140,7 @@ def _written_part(file: Path, data: bytes) -> Path:
 
 
 def _make(file: Path) -> None:
-    """Of two programs that start at once one makes the key and both use it: a link never replaces a file."""
+    """Make the key. Of two programs that start at once one makes it and both use it: a link never replaces a file."""
     part = _written_part(file, new_keys().secret + b"\n")
     try:
         os.link(part, file)

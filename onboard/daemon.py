@@ -92,7 +92,7 @@ class Daemon:
     ) -> None:
         """state_dir keeps start counter and spool, runtime_dir (in memory) the mark of a run that still lives.
 
-        access: whose keys are let in; None = everybody, in clear.
+        access: whose keys are let in; None = every client, in clear.
         """
         self.config = config
         self.clock = clock

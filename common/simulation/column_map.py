@@ -28,7 +28,7 @@ Longitude = Annotated[float, Range(-180.0, 180.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeColumn:
-    """`[time]`."""
+    """The table `[time]`: when each row was measured."""
 
     column: str
     scale: float = 1.0

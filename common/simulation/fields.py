@@ -15,14 +15,14 @@ import numpy.typing as npt
 
 Number = float | npt.NDArray[np.float64]
 VectorField = Callable[[Number, Number, Number], tuple[Number, Number]]
-"""(east_m, north_m, t_s) -> velocity (east_m_s, north_m_s), in the direction of the flow."""
+"""Called with (east_m, north_m, t_s); gives the velocity (east_m_s, north_m_s) in the direction of the flow."""
 
 SEMI_DIURNAL_S: Final = 12.4206 * 3600.0
 """From one high water to the next: the principal lunar tide."""
 
 
 def _sin(angle_rad: Number) -> Number:
-    """Of an array, or of a float by the C library: its last bit decides whether a seed gives the same readings."""
+    """Sine of an array, or of a float by the C library: its last bit decides whether a seed gives the same readings."""
     return math.sin(angle_rad) if isinstance(angle_rad, float) else np.sin(angle_rad)
 
 

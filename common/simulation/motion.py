@@ -131,7 +131,7 @@ def sail(mission: Mission, current: VectorField, step_s: float = 0.05) -> Truth:
 
 
 def _moved(place: Place, before: Place, after: Place, step_s: float) -> Place:
-    """Where a constant acceleration from one velocity to the other leads."""
+    """Place to which a constant acceleration from one velocity to the other leads."""
     return place[0] + 0.5 * step_s * (before[0] + after[0]), place[1] + 0.5 * step_s * (before[1] + after[1])
 
 

@@ -126,9 +126,10 @@ class ImuSamples:
     """What IMUs measured over the n - 1 intervals between the times of a truth."""
 
     values: Array
-    """(runs, n - 1, 3): accel_fwd m/s^2, accel_stb m/s^2, yaw rate deg/s; row k covers what ends at t_s[k + 1]."""
+    """Measured values, (runs, n - 1, 3): accel_fwd m/s^2, accel_stb m/s^2, yaw rate deg/s; row k covers what ends at
+    t_s[k + 1]."""
     turn_on: Array
-    """(runs, 3): the part of the bias that was drawn for the run, same units."""
+    """Part of the bias that was drawn for the run, (runs, 3), in the same units."""
 
 
 def imu_samples(truth: Truth, phases: Sequence[Phase], draws: Draws, flaws: Flaws = NO_FLAWS) -> ImuSamples:

@@ -151,7 +151,7 @@ def text_of(fields: Mapping[str, Any], name: str, longest: int = 256) -> str:
 
 
 def runtime_of(given: Path | None, environ: Mapping[str, str]) -> Path:
-    """Where the running daemon's socket is: --runtime, else $RUNTIME_DIRECTORY, else that of the systemd unit."""
+    """Directory of the running daemon's socket: --runtime, else $RUNTIME_DIRECTORY, else that of the systemd unit."""
     named = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
     return given or (Path(named) if named else DEFAULT_RUNTIME)
 

@@ -56,7 +56,7 @@ def number(text: str, low: float, high: float) -> float | None:
 
 
 def whole_number(text: str, low: int, high: int) -> int | None:
-    """Digits only."""
+    """A whole number: digits only."""
     if not text:
         return None
     if not _DIGITS.fullmatch(text):

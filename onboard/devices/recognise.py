@@ -60,7 +60,7 @@ def recognised(lines: Iterable[Line]) -> tuple[str, str] | None:
 
 
 def recognised_by_role(lines: Sequence[Line]) -> dict[str, str]:
-    """For each role of which there are good lines, in the order of `ROLES`, the model that accepts most of them.
+    """The model that accepts most of the lines, for each role with good lines, in the order of `ROLES`.
 
     The first in `MODELS` of equals.
     """

@@ -1,7 +1,7 @@
 """Access control list of the link: the board's own key, its stations, and the handler of libzmq's handshakes (ZAP).
 
 The list is `allowed-keys` in the state directory, one line for each station: `KEY RIGHTS NAME`, rights `read` or
-`read,command` (`common.key_list`). Whatever is doubtful in it lets nobody in.
+`read,command` (`common.key_list`). A doubtful line lets no station in.
 """
 
 import asyncio
@@ -70,7 +70,7 @@ class Access:
         return None if allowed is None else allowed.rights
 
     def reload(self) -> list[str]:
-        """Read the list again: what is wrong with it, one sentence each. A list that cannot be read lets nobody in."""
+        """Read the list again: what is wrong with it, one sentence each. One that cannot be read lets no station in."""
         with self._lock:
             allowed: dict[str, Allowed] = {}
             try:
@@ -203,7 +203,7 @@ class Zap:
     async def self_test(self) -> None:
         """A stranger must be refused, by us; call it before the real socket is bound. Raises WayfixError.
 
-        libzmq admits everybody when it finds no handler, so this is tried and not believed.
+        libzmq admits every client when it finds no handler, so this is tried and not believed.
         """
         strange, own = new_keys(), new_keys()
         self._stranger = strange.public.decode()
@@ -256,7 +256,7 @@ class Zap:
                 if self._access.rights_of(user) is not None:
                     return [b"1.0", number, b"200", b"OK", user.encode(), b""]
             self._refuse(user)
-        except Exception:  # whatever went wrong, nobody is let in
+        except Exception:  # whatever went wrong, no client is let in
             log.exception("handshake not answered")
             return [b"1.0", number, b"500", b"internal error", b"", b""]
         return [b"1.0", number, b"400", b"not on the allow list", b"", b""]

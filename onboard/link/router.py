@@ -51,7 +51,7 @@ class Router:
             self._socket.setsockopt(option, value)
         if secret_key is not None:
             self._socket.setsockopt_string(zmq.ZAP_DOMAIN, ZAP_DOMAIN)
-            self._socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without an authenticator nobody is let in
+            self._socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without an authenticator no client is let in
             self._socket.setsockopt(zmq.CURVE_SERVER, 1)
             self._socket.setsockopt(zmq.CURVE_SECRETKEY, secret_key)
         self._receive: Receive | None = None

@@ -96,7 +96,7 @@ class Server:
         return len(self._sessions)
 
     def bind(self, address: str) -> str:
-        """See Router.bind."""
+        """Bind the socket, see `Router.bind`."""
         return self._router.bind(address)
 
     async def run(self) -> None:

@@ -74,7 +74,7 @@ class Session:
     live_next: int = 0
     """The first frame of this start that was not sent as newest."""
     owed: deque[tuple[int, bytes, bytes]] = field(default_factory=lambda: deque(maxlen=1))
-    """(seq, header, data) of the last frame with a fix that found no room; sent before the newest, unless it was."""
+    """The last frame with a fix that found no room (seq, header, data); sent before the newest, unless it was."""
     frames_sent: int = 0
     gone: list[FrameRange] = field(default_factory=list)
     """Ranges that were missing on the board when it read; the next answer reports them."""

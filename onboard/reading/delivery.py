@@ -70,7 +70,7 @@ TABLE: Final[dict[tuple[State, Input], tuple[State, str | None]]] = {
     (State.OUTAGE, Input.LOST): (State.MISSING, None),
     (State.OUTAGE, Input.FRESH): (State.DELIVERING, "sensor-delivering"),
 }
-"""(state, input) -> the next state, and the code of the event that goes with the step."""
+"""Transition table: (state, input) -> the next state, and the code of the event that goes with the step."""
 
 SHOWN: Final = {
     State.MISSING: "missing",

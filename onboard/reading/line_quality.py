@@ -49,7 +49,7 @@ class DamageWatch:
         self._since, self._told, self._wire.damage = None, False, None
 
     def look(self, now_ns: int) -> tuple[str, int, int] | None:
-        """At each tick: the code of an event that is due now, the damaged and all lines of the window."""
+        """Step at each tick: the code of an event that is due now, the damaged and all lines of the window."""
         if self._marks and now_ns - self._marks[-1][0] < NS_PER_S:
             return None
         wire = self._wire

@@ -58,7 +58,7 @@ class Tally:
 
 
 class Sink(Protocol):
-    """Where a port's measurements and events go."""
+    """Receiver of a port's measurements and events."""
 
     def take(self, measurement: Measurement, now_ns: int) -> None:
         """Take a measurement that became known at `now_ns`."""

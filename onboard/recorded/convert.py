@@ -128,7 +128,7 @@ class Conversion:
 
 
 def identity_of(paced: Paced, config: BoatConfig) -> Identity:
-    """Of the recording, its pace and the configuration: nothing random, nothing of this machine."""
+    """Identity from the recording, its pace and the configuration: nothing random, nothing of this machine."""
     facts = json.dumps([as_dict(config), paced.baud, paced.starts_ns[-1]], sort_keys=True)
     digest = hashlib.sha256(f"{paced.recording.digest} {facts}".encode()).hexdigest()
     return Identity(config.boat.id, digest[:16], digest[16:48], 1)

@@ -179,7 +179,7 @@ class _Steps:
 
 
 def tod_step_ms(before_ms: int, after_ms: int) -> int:
-    """From one time of day to another, -12 h to +12 h."""
+    """Step from one time of day to another, ms, -12 h to +12 h."""
     return (after_ms - before_ms + DAY_MS // 2) % DAY_MS - DAY_MS // 2
 
 

@@ -167,7 +167,7 @@ def _unwrapped(piece: bytes) -> bytes | None:
 
 def _content(path: Path) -> bytes:
     try:
-        # Non-blocking: opening a pipe that nobody writes to would wait for ever.
+        # Non-blocking: opening a pipe without a writer would wait for ever.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:
         raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give the path of a file") from error

@@ -27,7 +27,7 @@ _MOST: Final = 2**63 - 1
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parsers."""
+    """Add the sub-parsers."""
     words = "the frames kept on the board's disk"
     parser: argparse.ArgumentParser = commands.add_parser("spool", help=words, description=f"Look at {words}.")
     actions = parser.add_subparsers(required=True, metavar="ACTION")

@@ -111,7 +111,7 @@ def seed_of(boot_id: str) -> int:
 
 
 def pack_record(seq: int, data: bytes, seed: int, flags: int = FRAME) -> bytes:
-    """One record."""
+    """The bytes of one record."""
     head = _HEAD.pack(RECORD_MAGIC, flags, len(data), seq)
     return head + crc32(data, crc32(head, seed)).to_bytes(4, "little") + data
 

@@ -74,11 +74,11 @@ class Shelf:
         return None
 
     def with_segment(self, segment: Segment) -> "Shelf":
-        """One more, the newest."""
+        """The shelf with one segment more, the newest."""
         return Shelf((*self.segments, segment), self._start_nos)
 
     def without(self, segment: Segment) -> "Shelf":
-        """One less."""
+        """The shelf with one segment less."""
         return Shelf((item for item in self.segments if item is not segment), self._start_nos)
 
 
@@ -155,7 +155,7 @@ def look_through(segment: Segment) -> list[Damage]:
 
 
 def read_from(segment: Segment, first: int) -> Iterator[tuple[int, bytes]]:
-    """Its frames in order, from `first` on or a little before; what cannot be read any more is passed over.
+    """Frames of a segment in order, from `first` on or a little before; what cannot be read any more is passed over.
 
     Little is read for each frame, and nothing behind the last one that is taken.
     """

@@ -63,7 +63,7 @@ class Finding:
         return text
 
     def as_record(self, boot_id: str) -> dict[str, Any]:
-        """For JSON."""
+        """The finding for JSON."""
         return {
             "file": self.file,
             "boot_id": boot_id,
@@ -91,7 +91,7 @@ class Examination:
         self._no_header = False
 
     def run(self) -> None:
-        """Read everything."""
+        """Read all segments."""
         ended = False
         for segment in self._held:
             ended = self._segment(segment, is_last=segment is self._held[-1])

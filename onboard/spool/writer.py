@@ -86,7 +86,7 @@ class Writer:
                 self._state.happened.append(("spool-damaged", {"file": str(newest), "bytes": count}))
 
     def run(self) -> None:
-        """Until the state is closing and all that waits is written."""
+        """Write until the state is closing and all that waits is written."""
         while (batch := self._next()) is not None:
             try:
                 if self._lock is None:
@@ -176,7 +176,7 @@ class Writer:
         self._unsynced += [item for item, _ in ready]
 
     def _write_whole(self, segment: Segment, data: bytes) -> None:
-        """At the end of the segment, or not at all."""
+        """Write bytes at the end of the segment as a whole, or not at all."""
         rest = memoryview(data)
         try:
             while rest:

@@ -27,7 +27,7 @@ LINGER_S = 0.2
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parser."""
+    """Add the sub-parser."""
     parser = commands.add_parser("virtual", help="a virtual boat on pseudo-terminals", description=_virtual.__doc__)
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--scenario", metavar="NAME", help="simulated scenario, see --list (default 5.3)")

@@ -29,7 +29,7 @@ class Source(Protocol):
         ...
 
     def lines(self, start_ns: int, clock_rate: float) -> Mapping[str, Iterator[SerialLine]]:
-        """For each port its lines in time order; t = 0 is boat time `start_ns`."""
+        """Lines of each port in time order; t = 0 is boat time `start_ns`."""
         ...
 
     def started(self, directory: Path, start_ns: int) -> None:

@@ -10,7 +10,7 @@ class Terminal:
     """One virtual serial port: `link` is the path to open. It is plugged in from the start.
 
     A slave end stays open here, so that the raw mode persists and writing needs no reader. Nothing paces a
-    pseudo-terminal: the caller does. A port nobody reads holds about 20 kB and then loses bytes, like a UART.
+    pseudo-terminal: the caller does. A port without a reader holds about 20 kB and then loses bytes, like a UART.
     """
 
     def __init__(self, link: Path) -> None:
@@ -50,7 +50,7 @@ class Terminal:
         self._master = None
 
     def write(self, data: bytes) -> int:
-        """Bytes that went in (fewer than given when nobody reads, 0 when unplugged); never blocks."""
+        """Bytes that went in (fewer than given without a reader, 0 when unplugged); never blocks."""
         if self._master is None:
             return 0
         with contextlib.suppress(BlockingIOError):

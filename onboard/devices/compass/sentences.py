@@ -139,8 +139,8 @@ _ALARMS: Final = "LP"
 def _hpr(text: Text) -> HprReading:
     """Heading, pitch, roll, each with its letter: L P alarm, M O warning (low, high), N normal, C tuning.
 
-    With any alarm the device leaves the heading empty. Mils cannot be told from degrees by their size below 360, but
-    the device writes degrees with one decimal and mils without: a number without a point is refused.
+    With any alarm the device leaves the heading empty. By their size, mils below 360 look like degrees, but the device
+    writes degrees with one decimal and mils without: a number without a point is refused.
     """
     letters = {name: fields.letter(text(f"{name}_status"), "LMNOPC", "status") for name in ("heading", "pitch", "roll")}
     if None in letters.values():

@@ -60,7 +60,7 @@ class Tcm2Driver:
         self._nmea = CompassDriver(table, sentences.TCM2)
 
     def claims(self, line: Line) -> bool:
-        """Its own words, and HDM of the talkers configured."""
+        """Claims the device's own words, and HDM of the talkers configured."""
         own = _SHAPE.match(sentence_of(line.data)) is not None and address(line.data) is None
         return own or self._nmea.claims(line)
 

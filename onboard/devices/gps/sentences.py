@@ -70,7 +70,7 @@ class Gsa:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gll:
-    """Position."""
+    """Position and its status."""
 
     tod_ms: int | None
     status_valid: bool | None
