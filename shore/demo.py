@@ -244,7 +244,7 @@ class Demo:
             link.close()
 
     def _supervise(self) -> bool:
-        """True when the run should end: somebody died, the mission is over, or the person pressed Ctrl-C."""
+        """True when the run should end: a child died, the mission is over, or the person pressed Ctrl-C."""
         assert self._virtual is not None
         assert self._daemon is not None
         if self._stop():

@@ -23,7 +23,7 @@ class Happened(NamedTuple):
 
     clock: BoardClock
     event: dict[str, Any]
-    """The fields of `Event`."""
+    """The event as a dict of the fields of `Event`."""
 
 
 @dataclass

@@ -26,7 +26,7 @@ _TRACK_STYLE: Final = (
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
-    """Raises OSError."""
+    """Write the track as KML. Raises OSError."""
     has_time = track.survey.clocks.know_utc
     with ExitStack() as stack:
         events, behind = stack.enter_context(aside()), stack.enter_context(aside())

@@ -17,7 +17,7 @@ _MINUTES: Final = 60 * 10**7
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
-    """Raises OSError."""
+    """Write the track as NMEA sentences. Raises OSError."""
     has_time_of_day = track.survey.clocks.has_time_of_day
     for row in track.items():
         if isinstance(row, Row):

@@ -17,7 +17,7 @@ _Values = tuple[float, ...]
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
-    """Raises OSError."""
+    """Write the picture of the track. Raises OSError."""
     rows, marks = _Thinned(), []
     plane: LocalPlane | None = None
     begin = end = None

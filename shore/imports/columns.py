@@ -88,7 +88,7 @@ class ColumnReader:
                 yield ForeignRecord(min(t_ns + wraps * wraps_ns, LATEST_NS), row)
 
     def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
-        """Up to one measurement of each part."""
+        """Measurements of a row, up to one of each part."""
         self._rows.taken["with time"] += 1
         for part, name, make, account in self._parts:
             try:

@@ -25,12 +25,12 @@ class Account:
         return self.taken.total() + self.ignored.total() + self.rejected.total()
 
     def as_record(self) -> dict[str, Any]:
-        """For JSON, sorted, so that the same recording gives the same bytes."""
+        """The counts for JSON, sorted, so that the same recording gives the same bytes."""
         groups = {name: dict(sorted(getattr(self, name).items())) for name in ("taken", "ignored", "rejected")}
         return {"total": self.total, **groups}
 
     def words(self) -> Iterator[str]:
-        """For a person: a heading and a row for each group."""
+        """The counts for a person: a heading and a row for each group."""
         yield f"{self.total} {self.unit}"
         for name in ("taken", "ignored", "rejected"):
             counts: Counter[str] = getattr(self, name)

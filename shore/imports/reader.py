@@ -62,7 +62,7 @@ class Sources:
     def tables(self, port: str, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
         """`[[sensor]]` of each that measured anything, by role and number.
 
-        How somebody else's IMU is mounted is not known: it is recorded, not fused.
+        How the IMU of another boat is mounted is not known: it is recorded, not fused.
         """
         return tuple(
             SensorTable(

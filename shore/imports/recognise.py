@@ -121,7 +121,7 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
 
 def _head(path: Path) -> bytes:
     try:
-        # Non-blocking: opening a pipe that nobody writes to would wait for ever.
+        # Non-blocking: opening a pipe without a writer would wait for ever.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         with os.fdopen(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
@@ -148,7 +148,7 @@ def _refuse_magic(path: Path, head: bytes) -> None:
 
 
 def _json_kind(path: Path, lines: list[bytes]) -> RecordingKind | None:
-    """By the first lines that are JSON objects; `None` where there are none."""
+    """Kind of the file by the first lines that are JSON objects; `None` where there are none."""
     votes: Counter[RecordingKind] = Counter()
     for content in _objects(lines):
         if isinstance(content.get("updates"), list):

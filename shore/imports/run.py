@@ -103,7 +103,7 @@ def _from_deltas(job: Job) -> tuple[bool, Written]:
 
 
 def _from_server_log(job: Job, directory: Path) -> tuple[bool, Written]:
-    """Its sentences where it has any, else its deltas."""
+    """Import a server's log: its sentences where it has any, else its deltas."""
     log = serial_port.ServerLog(job.source, directory / job.source.name)
     if not log.sentences:
         return _from_deltas(job)

@@ -254,7 +254,7 @@ def own_contexts(lines: Lines, wanted: str | None, file: str) -> tuple[str, ...]
 
 
 def _fits(context: str, wanted: str) -> bool:
-    """By its whole name, or the number at its end."""
+    """Whether a context is the one wanted, by its whole name or the number at its end."""
     name, wanted = context.removeprefix("vessels.").lower(), wanted.strip().removeprefix("vessels.").lower()
     return name == wanted or name.endswith(f":{wanted}")
 

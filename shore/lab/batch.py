@@ -256,7 +256,7 @@ class _Record:
 
 
 def _first(value: Number | None) -> float:
-    """Of the first run; NaN when there is none."""
+    """Values of the first run; NaN when there is none."""
     if value is None:
         return math.nan
     return float(value[0]) if isinstance(value, np.ndarray) else value

@@ -73,7 +73,7 @@ class Campaign:
     profile: Profile
 
     def tasks(self) -> list[Task]:
-        """In the order of scenarios, methods, runs."""
+        """All tasks in the order of scenarios, methods, runs."""
         return [
             Task(scenario, method, self.profile, self.seed, first, min(CHUNK, self.runs - first))
             for scenario in self.scenarios

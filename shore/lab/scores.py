@@ -79,7 +79,7 @@ class ThesisComparison:
 
 
 def comparisons(result: Result) -> list[ThesisComparison]:
-    """For each printed row whose method was run."""
+    """Comparisons with each printed row whose method was run."""
     printed = PUBLISHED.get(result.name)
     found = []
     for method, row in printed.rows.items() if printed else ():

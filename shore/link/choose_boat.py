@@ -70,7 +70,7 @@ class Seeker:
         self._ended_ns = -self._pause_ns
 
     def ask(self) -> str | None:
-        """The address that was found since the last question, once; begins to look when nobody does."""
+        """The address that was found since the last question, once; begins a search when none is running."""
         found = None
         if self._is_looking:
             with suppress(queue.Empty):
@@ -102,7 +102,7 @@ def looker(boat: "Boat", boats: "Boats") -> Callable[[], str]:
 
 
 def _look(known: "list[Boat]", boats: "Boats") -> "tuple[Candidate, Boat | None]":
-    """Where one of these boats is, and which (none known: any open one); raises LinkError."""
+    """Address of one of these boats, and which boat it is (none known: any open one); raises LinkError."""
     from shore.link.discovery import find
 
     met: dict[str, Boat | None] = {}

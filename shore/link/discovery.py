@@ -113,7 +113,7 @@ class Search:
 
 
 def known(boats: Iterable[Boat]) -> list[Candidate]:
-    """Where paired boats were last reached."""
+    """Addresses where paired boats were last reached."""
     return [Candidate(boat.address, f"last address of {boat.boat_id}", boat.boat_id) for boat in boats if boat.address]
 
 
@@ -228,7 +228,7 @@ def candidates(boats: Iterable[Boat], limit_s: float = LIMIT_S) -> Iterator[Cand
 
 
 def find(boats: Iterable[Boat], probe: Probe, limit_s: float = LIMIT_S) -> Candidate:
-    """Where our boat is; raises LinkError that names everything tried.
+    """Address of our boat; raises LinkError that names everything tried.
 
     The probe is called from several threads at once, and one that lasts longer than it was given is not waited for.
     """

@@ -110,7 +110,7 @@ class Ledger:
                 yield FrameRange(start.boot_id, first, last)
 
     def as_record(self) -> list[dict[str, Any]]:
-        """For the cursor's file."""
+        """The ledger for the cursor's file."""
         return [
             {
                 "boot_id": start.boot_id,

@@ -32,7 +32,7 @@ class Boat:
 
 
 def directory_of(given: Path | None, environ: Mapping[str, str]) -> Path:
-    """Where keys are kept."""
+    """Directory where keys are kept."""
     if given is not None:
         return given
     if named := environ.get("WAYFIX_KEYS"):
@@ -51,12 +51,12 @@ class Boats:
 
     @property
     def public_key(self) -> bytes:
-        """Of this station, Z85; made at first use. Raises WayfixError."""
+        """Public key of this station, Z85; made at first use. Raises WayfixError."""
         return self._own().public
 
     @property
     def secret_key(self) -> bytes:
-        """Of this station, Z85. Raises WayfixError."""
+        """Secret key of this station, Z85. Raises WayfixError."""
         return self._own().secret
 
     def all(self) -> list[Boat]:

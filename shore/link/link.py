@@ -247,7 +247,7 @@ class Link:
         return self._send("lease", client=self._client, **lease.as_fields())
 
     def _refused(self) -> LinkError | None:
-        """Why somebody at the board's address does not let us in, if there is news of it."""
+        """Why the box at the board's address refuses our handshake, if there is news of it."""
         while (verdict := self._transport.verdict()) is not None:
             if self._machine.judge(verdict):
                 return self._error_of(verdict)

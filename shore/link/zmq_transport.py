@@ -59,7 +59,7 @@ class ZmqTransport:
             raise LinkError(f"not an address ({zmq.strerror(error.errno or 0)})", endpoint, cure) from error
 
     def send(self, message: bytes) -> bool:
-        """False = nobody there, or nobody reads."""
+        """Send without waiting; False = no board is there, or it does not read."""
         assert self._socket is not None
         try:
             self._socket.send(message, zmq.NOBLOCK)

@@ -87,7 +87,7 @@ class LogRecorder:
 
     def _end(self) -> None:
         writer, self._writer = self._writer, None
-        self._worker.shutdown()  # the file is open until nobody works on it
+        self._worker.shutdown()  # the file stays open while the worker uses it
         if writer is not None:
             with suppress(WayfixError):
                 writer.close()

@@ -122,7 +122,7 @@ class LogReader:
 
     @property
     def is_cut(self) -> bool:
-        """The log was not closed, and nobody is writing it. Complete after any full pass."""
+        """The log was not closed, and no program is writing it. Complete after any full pass."""
         if self._scan is None:
             return not self._looks_closed and not self.is_being_written
         return self._scan.cut is not None and not self.is_being_written

@@ -187,7 +187,7 @@ def _is_quickly_sound(content: Record) -> bool:
 
 
 def _estimate(content: Record) -> Record:
-    """With defaults for what an early form did not have."""
+    """The estimate with defaults for what an early form did not have."""
     whole = _ESTIMATE_DEFAULTS | content
     _check(whole, _ESTIMATE)
     size = len(whole["state"])

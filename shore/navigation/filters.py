@@ -83,7 +83,7 @@ class FilterFacts:
     """What a filter must know of the boat's sensors."""
 
     channels: Mapping[str, Channel]
-    """Channels by name: `gps1.east`, `gps1.north`, `gps1.course`, `compass1.heading`, ..."""
+    """Channels of the sensors by name: `gps1.east`, `gps1.north`, `gps1.course`, `compass1.heading`, ..."""
     space: StateSpace = FIVE
     """The states that it estimates, (n,)."""
     imu_noise: ProcessNoise = FREE_NOISE

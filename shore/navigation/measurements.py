@@ -85,12 +85,12 @@ class Measurement(Protocol):
 
     @property
     def rank(self) -> int:
-        """Its place among measurements of the same time, above 0; a synchronous step takes the newest of each rank."""
+        """Place among measurements of the same time, above 0; a synchronous step takes the newest of each rank."""
         ...
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """Its components in the order in which they are fused; their errors are independent."""
+        """Components in the order in which they are fused; their errors are independent."""
         ...
 
     def seed(self, seeds: Seeds) -> Seeds:
@@ -103,7 +103,7 @@ class PseudoMeasurement(Protocol):
 
     @property
     def parts(self) -> tuple[PseudoPart, ...]:
-        """Its components in the order in which they are fused."""
+        """Components in the order in which they are fused."""
         ...
 
 
@@ -121,7 +121,7 @@ class Position(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """Before headings."""
+        """Rank of fixes, before headings."""
         return 1
 
     @property
@@ -162,7 +162,7 @@ class TrueHeading(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """After fixes."""
+        """Rank of headings, after fixes."""
         return 2
 
     @property
@@ -197,7 +197,7 @@ class Course(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """As a heading."""
+        """Rank of courses, the same as that of headings."""
         return 2
 
     @property

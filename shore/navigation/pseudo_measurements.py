@@ -52,7 +52,7 @@ class Stream(NamedTuple):
     """How much the current has changed since the last time, at the place estimated then."""
     change_north_m_s: Number
     variance: float
-    """R of each axis, m^2/s^2."""
+    """Variance R of each axis, m^2/s^2."""
 
     @property
     def parts(self) -> tuple[PseudoPart, ...]:

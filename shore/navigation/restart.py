@@ -25,14 +25,14 @@ SILENT_AFTER: Final = 3.0
 
 
 class Passed(NamedTuple):
-    """A prediction."""
+    """A prediction, as an operation."""
 
     dt_s: float
     imu: ImuInput | None
 
 
 class Assumed(NamedTuple):
-    """A pseudo-measurement."""
+    """A pseudo-measurement, as an operation."""
 
     known: PseudoMeasurement
 
@@ -62,7 +62,7 @@ class Opening:
 
     @classmethod
     def at(cls, x: Array, P: Array, read_from: Mapping[int, str]) -> "Opening":
-        """At a start; the sensors it was read from are waited for."""
+        """Opening at a start; the sensors it was read from are waited for."""
         return cls(x, P, read_from, counts={channel.rpartition(".")[0]: 0 for channel in read_from.values()})
 
     @property
@@ -82,7 +82,7 @@ class Opening:
         return self.due > LAST_DUE or len(self.operations) >= MOST_OPERATIONS
 
     def then(self, operation: Operation) -> "Opening":
-        """With one more operation."""
+        """The opening with one more operation."""
         operations = (*self.operations, operation)
         if isinstance(operation, Passed | Assumed):
             return replace(self, operations=operations)

@@ -37,7 +37,7 @@ class RtsLink(NamedTuple):
     """The later state as it was predicted, (..., n)."""
 
     def then(self, following: "RtsLink") -> "RtsLink":
-        """From the earlier state of this link to the later one of the next, which begins where this one ends."""
+        """Link from the earlier state of this one to the later state of the next, which begins where this one ends."""
         x = self._at(following.x)
         L = self.L + self.E @ following.L @ self.E.swapaxes(-1, -2)
         return RtsLink(x, self.E @ following.E, L, following.b)

@@ -42,7 +42,7 @@ class Event:
 
     @property
     def t_ns(self) -> int:
-        """Boat time."""
+        """Boat time of the event, ns."""
         return self.key[0]
 
     @property

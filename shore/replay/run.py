@@ -49,7 +49,7 @@ class Pace:
         self._next_s = 0.0
 
     def wait_for(self, t_s: float, each_second: Callable[[], None]) -> None:
-        """Until second `t_s` of the log is due, a late frame not at all; `each_second` is called once a second."""
+        """Wait until second `t_s` of the log is due, a late frame not at all; `each_second` is called once a second."""
         if self._begun is None:
             self._begun = self._now_s(), t_s
             self._next_s = self._begun[0] + 1.0

@@ -81,7 +81,7 @@ def _draw_tracks(axes: Any, score: Score, frames: list[Frame], tracks: dict[str,
 
 
 def _emptiest_corner(points: Points) -> tuple[int, int]:
-    """Where the inset hides the least: 0 or 1 along each axis."""
+    """Corner in which the inset hides the least: 0 or 1 along each axis."""
     low, high = points.min(axis=0), points.max(axis=0)
     share = (points - low) / np.maximum(high - low, 1e-9)
     return min(CORNERS, key=lambda corner: int(np.sum(np.all(np.abs(share - np.array(corner)) < 0.5, axis=1))))

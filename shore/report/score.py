@@ -242,7 +242,7 @@ class Consistency:
                 self._add(name, "nis_position" if channel.endswith(POSITION_CHANNELS) else "nis_heading", nis)
 
     def summary(self) -> dict[str, dict[str, float | int | None]]:
-        """For each filter: mean NIS per dimension (1 = its doubt fits), mean 1-sigma, aligned estimates."""
+        """Mean NIS per dimension (1 = its doubt fits), mean 1-sigma and count of aligned estimates, for each filter."""
         return {
             name: {
                 **{figure: _mean(sums.get(figure)) for figure in FIGURES},

@@ -164,7 +164,7 @@ def _counts(result: Examination) -> str:
 
 
 def info_screen(result: Examination, *, with_config: bool) -> Iterator[RenderableType]:
-    """`log info`."""
+    """Screen of `log info`."""
     summary = result.summary()
     grid = _grid()
     for label, text in _trip_rows(result, summary):

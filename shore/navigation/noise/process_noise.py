@@ -87,7 +87,7 @@ class FuzzyDrive:
     def review(
         self, channel: Channel, noise: ChannelNoise, residual: Number, posterior_variance: Number
     ) -> ChannelNoise:
-        """As the rule for R wants it."""
+        """Review as the rule for R does."""
         return self.r_rule.review(channel, noise, residual, posterior_variance)
 
 
