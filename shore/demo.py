@@ -111,7 +111,7 @@ class Child:
                 return dict(line[key])
 
     def tell(self, line: str) -> None:
-        """One line to the child's stdin."""
+        """Write one line to the child's stdin."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(line + "\n")

@@ -1,4 +1,4 @@
-"""Processing pipeline for live, replay and import: frames in, estimates and events out. No clock, no side effect.
+"""Pipeline for live, replay and import: frames in, estimates and events out. No clock, no timer, no side effect.
 
 A row of stages, each behind the one before: own ship (`shore/navigation`); targets will stand behind its estimate. The
 same frames in the same order give the same output, bit for bit.

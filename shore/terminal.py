@@ -20,7 +20,7 @@ def say(line: str) -> None:
 
 
 def tell(line: str) -> None:
-    """One line of data on stdout."""
+    """Print one line of data on stdout."""
     sys.stdout.write(f"{_shown(line)}\n")
 
 

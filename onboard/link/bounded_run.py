@@ -1,4 +1,4 @@
-"""Position of a bounded run (decimation): every frame in order, merged to its period on an absolute grid. Pure."""
+"""Position of a bounded run (aggregation): every frame in order, merged to its period on an absolute grid. Pure."""
 
 from collections import deque
 from typing import Any, Final

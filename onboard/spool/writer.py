@@ -150,7 +150,7 @@ class Writer:
                 state.condition.wait(wait_s)
 
     def _write(self, batch: list[Item]) -> None:
-        """All of it, in as few writes as there are segments."""
+        """Write all of it, in as few writes as there are segments."""
         ready: list[tuple[Item, bytes]] = []
         size = 0
         for item in batch:

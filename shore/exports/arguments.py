@@ -1,4 +1,4 @@
-"""Arguments of `wayfix export`."""
+"""Command-line arguments of `wayfix export`."""
 
 import argparse
 from typing import Final

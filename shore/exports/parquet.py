@@ -1,4 +1,4 @@
-"""Parquet, by polars (extra `analysis`): the tables of `table.py` with typed columns."""
+"""Parquet (columnar file), by polars (extra `analysis`): the tables of `table.py` with typed columns."""
 
 from collections.abc import Iterable
 from io import BytesIO

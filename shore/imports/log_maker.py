@@ -1,4 +1,4 @@
-"""Frames -> a log like that of a live run. Every time in it is of the data, none of the clock on the wall."""
+"""Log maker: frames become a log like that of a live run. Its times come from the data, none from the wall clock."""
 
 from array import array
 from collections import Counter

@@ -148,7 +148,7 @@ def _from_serial(job: Job, source: Path, frames: Path, log: serial_port.ServerLo
 def _from_frames_file(
     job: Job, path: Path, hint_ns: int | None = None, count: int | None = None
 ) -> tuple[bool, Written]:
-    """hint_ns: UTC of the first line where nothing else tells it; count: of the frames, for the bar."""
+    """hint_ns: UTC of the first line where nothing else gives it; count: of the frames, for the bar."""
     job.digest = digest_of(job.source)
     with FramesFile(path) as file:
         first = next(_decoded(file.frames()), None)

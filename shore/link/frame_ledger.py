@@ -86,7 +86,7 @@ class Ledger:
         return len(start.gone) - before
 
     def missing(self, limit: int = MAX_MISSING) -> tuple[FrameRange, ...]:
-        """The oldest missing ranges, as a lease tells them."""
+        """The oldest missing ranges, as a lease lists them."""
         return tuple(islice(self._missing(), limit))
 
     @property

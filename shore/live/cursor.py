@@ -1,4 +1,4 @@
-"""Checkpoint (cursor): which frames of a boat a directory of logs holds, so that each is stored once over all runs.
+"""Checkpoint (cursor) beside a directory of logs: which frames of a boat it holds, so that each is stored once.
 
 `<boat>.cursor` is written after the log is on the disk, so it never claims a frame that no log holds; what a killed
 station wrote after its last cursor is read from the log it names.

@@ -111,7 +111,7 @@ class Water:
         return replace(facts, space=StateSpace((*facts.space.extras, *water)))
 
     def predict(self, each: Filter, t_s: float, dt_s: float, predict: Callable[[], object]) -> None:
-        """Let `predict` move a filter on by `dt_s` to `t_s` of the field's time, and tell it what is known there."""
+        """Let `predict` move a filter on by `dt_s` to `t_s` of the field's time, and give it what is known there."""
         before = each.estimate.x
         predict()
         if self.field is not None:
