@@ -11,7 +11,7 @@ from common.errors import WayfixError
 
 
 def part_of(path: Path) -> Path:
-    """Where `path` grows: beside it, hidden, of this process."""
+    """Path at which `path` grows: hidden beside it, with this process in its name."""
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 

@@ -16,11 +16,11 @@ class Role:
 
     text: str
     nominal_rate_hz: float
-    """Used when the configuration gives no `rate_hz`."""
+    """Rate that is assumed when the configuration gives no `rate_hz`, Hz."""
     periodic: bool
     """False = event sensor (AIS, radar): silence is no fault and never reopens the port."""
     kinds: tuple[str, ...]
-    """Measurement types (class names of `common.messages`) it may produce."""
+    """Measurement types (class names of `common.messages`) that the sensor may produce."""
 
 
 ROLES: Final[dict[str, Role]] = {
@@ -50,7 +50,7 @@ Name = Annotated[str, MaxLength(32)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoatTable:
-    """`[boat]`."""
+    """The table `[boat]`: the vessel itself."""
 
     id: Annotated[str, MaxLength(64)]
     variation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
@@ -60,7 +60,7 @@ class BoatTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FramesTable:
-    """`[frames]`."""
+    """The table `[frames]`: the frames that the daemon makes."""
 
     rate_hz: Annotated[float, Range(1.0, 20.0)] = 10.0
 
@@ -80,11 +80,11 @@ class SpoolTable:
     """`[spool]`: the frames kept on the board's disk (docs/spool-format.md)."""
 
     max_mib: Annotated[int, Range(16, 1_000_000)] = 2048
-    """Of all frames kept; beyond it the oldest go."""
+    """Largest size of all frames that are kept, MiB; beyond it the oldest frames are removed."""
     min_free_mib: Annotated[int, Range(0, 1_000_000)] = 256
-    """Of the file system, for other programs; below it the oldest go."""
+    """Free space of the file system that is left to other programs, MiB; below it the oldest frames are removed."""
     sync_s: Annotated[float, Range(0.0, 60.0)] = 1.0
-    """What a power cut may cost, s; 0 = every frame is made durable at once."""
+    """Most seconds of frames that a power cut may cost; 0 = every frame is made durable at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,11 +115,11 @@ class SensorTable:
     """Only sentences of these talkers (shared port); empty = all."""
     rate_hz: Annotated[float, Range(0.01, 1000.0)] | None = None
     latency_ms: Annotated[float, Range(0.0, 10_000.0)] = 0.0
-    """Validity of a measurement before the first byte of its (first) sentence reaches the board."""
+    """Latency, ms: how long before the first byte of its (first) sentence reaches the board a measurement was valid."""
     sigma_m: Annotated[float, Range(0.001, 1000.0)] = 3.0
-    """GPS: for each horizontal axis."""
+    """1-sigma of a GPS fix on each horizontal axis, m."""
     sigma_deg: Annotated[float, Range(0.001, 180.0)] = 1.0
-    """Compass."""
+    """1-sigma of a compass heading, deg."""
     accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.1
     """IMU acceleration noise, m/s^2/sqrt(Hz). The default is no data sheet's (0.001 to 0.004): a hull that heels or
     trims by 0.4 deg for about a second shows 0.07 m/s^2 of gravity (0.07 sqrt(2 x 1 s) = 0.1). Regular rolling adds
@@ -128,10 +128,10 @@ class SensorTable:
     """IMU or gyro yaw-rate noise, deg/s/sqrt(Hz). The default covers a scale error of 1 % in a turn of 10 deg/s over
     two seconds (0.1 sqrt(2 x 2 s) = 0.2); a data sheet's own is 0.005 to 0.04."""
     bias_accel_fwd_m_s2: float = 0.0
-    """Known bias, subtracted ashore (thesis Eq. 3.2)."""
+    """Known bias of the forward accelerometer, m/s^2, subtracted ashore (thesis Eq. 3.2)."""
     bias_accel_stb_m_s2: float = 0.0
     bias_yaw_rate_deg_s: float = 0.0
-    """Thesis Eq. 3.3."""
+    """Known bias of the yaw rate, deg/s, subtracted ashore (thesis Eq. 3.3)."""
     bias_accel_sigma_m_s2: Annotated[float, Range(0.0, 10.0)] = 0.15
     """What is left of the accelerometers' biases, each axis: the filters estimate it. 0 = calibrated, not estimated.
     The default is a consumer sensor mounted by eye: an offset of 10 mg, and 0.7 deg off level shows 0.12 m/s^2."""
@@ -139,18 +139,20 @@ class SensorTable:
     """How fast that bias wanders: it changes by this in a second, by ten times as much in 100 s (m/s^2 / sqrt(s)).
     The default is a sensor of 1 mg/deg C that warms by 1 deg C a minute, and a list that changes by 0.1 deg in it."""
     bias_yaw_rate_sigma_deg_s: Annotated[float, Range(0.0, 50.0)] = 1.0
-    """The same for the yaw rate; the default is a consumer gyro that was not zeroed at rest (deg/s)."""
+    """1-sigma of what is left of the yaw rate's bias, deg/s; 0 = calibrated, not estimated. The default is a consumer
+    gyro that was not zeroed at rest."""
     bias_yaw_rate_walk_deg_s: Annotated[float, Range(0.0, 5.0)] = 0.005
-    """The default is a gyro of 0.03 deg/s per deg C that warms by 1 deg C a minute (deg/s / sqrt(s))."""
+    """How fast that bias wanders, deg/s / sqrt(s); the default is a gyro of 0.03 deg/s per deg C that warms by 1 deg C
+    a minute."""
     tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = 0.2
     """A hull that lifts its bow with speed u lets the forward accelerometer see c u |u| of gravity: 1-sigma of c, which
     the filters estimate; 0 = no such state."""
     week_rollover: bool = False
-    """GPS: its dates are 1024 weeks in the past (event `week-rollover`) and are repaired."""
+    """True = the dates of this GPS are 1024 weeks in the past (event `week-rollover`) and are repaired."""
     lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
-    """GPS antenna, forward of the boat's reference point (the IMU)."""
+    """Lever arm of the GPS antenna: how far it is forward of the boat's reference point (the IMU), m."""
     lever_stb_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
-    """GPS antenna, starboard of it."""
+    """Lever arm of the GPS antenna: how far it is to starboard of that point, m."""
     deviation_deg: Annotated[float, Range(-180.0, 180.0)] = 0.0
     """Compass deviation, east +: true = compass + deviation + variation."""
     use: tuple[Annotated[str, OneOf(IMU_AXES)], ...] = IMU_AXES

@@ -13,12 +13,12 @@ from common.units import NS_PER_S
 
 WINDOW_NS: Final = 60 * NS_PER_S
 MAX_DRIFT: Final = 200e-6
-"""Two crystals, seconds a second: a steeper slope is noise."""
+"""Largest drift of two crystals, s/s: a steeper slope is noise."""
 _PART_NS: Final = 10 * NS_PER_S
-"""The best of each such part of the window goes into the slope."""
+"""Length of a part of the window, ns, whose best sample goes into the slope."""
 _SLOPE_SPAN_NS: Final = 30 * NS_PER_S
 _CLEAR: Final = 2
-"""A part whose best round trip is over so many times the window's best met a queue."""
+"""A part whose best round trip is more than this many times the window's best met a queue."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,25 +26,25 @@ class Offset:
     """Boat clock less station clock."""
 
     offset_ns: int
-    """At the time asked for."""
+    """Offset at the time asked for, ns: boat clock less station clock."""
     bound_ns: int
-    """Half the best round trip: the error when that answer came is not larger; `drift` is added since."""
+    """Bound of the error, ns: half the best round trip when that answer came; `drift` is added since."""
     age_ns: int
-    """Since that answer."""
+    """Age of that answer, ns."""
     drift: float | None
-    """Seconds a second the boat's clock gains; None = not known yet, taken as 0."""
+    """Drift of the boat's clock against ours, s/s, + when it gains; None = not known yet, taken as 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Sample:
     t_ns: int
-    """Station clock, middle of the round trip."""
+    """Middle of the round trip on the station's clock, ns."""
     offset_ns: int
     trip_ns: int
 
 
 class ClockOffset:
-    """Of one clock of the boat: begin anew when `clock_id` changes. Not for scaled boat clocks."""
+    """Offset of one clock of the boat: make a new one when `clock_id` changes. Not for scaled boat clocks."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()

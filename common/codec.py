@@ -94,13 +94,13 @@ class _Message(NamedTuple):
 
     cls: type
     values: Callable[[Any], tuple[Any, ...]]
-    """All fields of a message, in the order of `outgoing`."""
+    """Function that gives all fields of a message, in the order of `outgoing`."""
     outgoing: tuple[tuple[str, Any, bool, Convert], ...]
-    """(key, value that is left out, may an equal one be left out too, encode)."""
+    """Fields in order: key, value that is left out, whether an equal one may be left out too, encoder."""
     incoming: dict[str, tuple[str, bool, Convert]]
-    """key -> (field, may be None, decode)."""
+    """Key of a field -> its name, whether it may be None, and its decoder."""
     required: dict[str, None]
-    """Keys, in the order of the fields."""
+    """Keys that must be there, in the order of the fields."""
     columns: tuple[str, ...]
 
 

@@ -1,18 +1,18 @@
 """The exception hierarchy: a fault that a person can cure says what, where and what to do.
 
 Exception
-└── WayfixError           somebody outside the program has to do something: says what, where and how to cure it
+└── WayfixError           a person outside the program has to do something: says what, where and how to cure it
     ├── SettingsError     a configuration file is wrong (all its faults at once)
     ├── CodecError        bytes that are not a message of ours
     └── LinkError         the other side refused, or broke the protocol
-        └── NoAnswerError     nobody answered: it may be later
+        └── NoAnswerError     no answer came: one may come later
 
 Bad sensor data is never an exception: drivers return a `Reject` with a reason (`onboard.devices`).
 """
 
 
 class WayfixError(Exception):
-    """A fault outside the program, told so that a person can act on it.
+    """A fault outside the program, with what a person needs to act on it.
 
     Only `main` of either side prints it: one sentence, exit code 2.
     """
@@ -46,4 +46,4 @@ class LinkError(WayfixError):
 
 
 class NoAnswerError(LinkError):
-    """Nobody answered in time; another time somebody may."""
+    """No answer came in time; a later attempt may get one."""

@@ -18,7 +18,7 @@ class EventKind:
     text: str
     cure: str
     side: str = BOARD
-    """Who says it. A replay passes on what the `BOARD` said in its frames, makes what the `FILTERS` say once more, and
+    """Side that says it. A replay passes on what the `BOARD` said in its frames, repeats what the `FILTERS` say, and
     cannot make what the `STATION` said of its own link and log."""
 
 

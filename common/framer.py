@@ -145,7 +145,7 @@ class Framer:
 
         What is stamped t1 or later waits, so that a late tick (busy board, fast clock) changes nothing in the frames.
         """
-        events, self._lists["events"] = self._lists["events"], []  # told when known, whatever their stamp
+        events, self._lists["events"] = self._lists["events"], []  # reported when known, whatever their stamp
         lists: dict[str, Any] = {
             name: tuple(item for item in items if item.t_ns < t1_ns) for name, items in self._lists.items()
         }

@@ -20,11 +20,11 @@ from common.errors import CodecError, WayfixError
 from common.versions import SCHEMA_VERSION, schema_fault
 
 FILE_FORMAT: Final = 1
-"""In the greeting's `file.format`; raised when an old reader could misread a new file."""
+"""Version of the file format in the greeting's `file.format`; raised when an old reader could misread a new file."""
 _CURE: Final = "give a file made by `wayfix-onboard convert`"
 _HEAD_BYTES: Final = 16
 _HEAD: Final = b"\xa4type\xa9connected"
-"""What follows the first byte of every frames file."""
+"""Bytes that follow the first byte of every frames file."""
 
 
 def is_frames_file(path: Path) -> bool:
@@ -56,7 +56,7 @@ class Cut:
     """The file ends in the middle of a value, or goes on with something else."""
 
     at_byte: int
-    """Everything before it was read."""
+    """Offset of the cut, bytes: everything before it was read."""
     lost_bytes: int
     reason: str
 
@@ -65,7 +65,7 @@ class Cut:
 
 
 class FramesFile:
-    """A frames file open for reading; a context. `cut` tells after the last frame whether anything was left."""
+    """A frames file open for reading; a context. `cut` says after the last frame whether anything was left."""
 
     def __init__(self, path: Path) -> None:
         """Open the file and read its greeting. Raises WayfixError for what is no frames file of this schema."""

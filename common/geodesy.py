@@ -12,13 +12,13 @@ from typing import Final
 WGS84_A_M: Final = 6378137.0
 WGS84_F: Final = 1.0 / 298.257223563
 _POLAR: Final = (1.0 - WGS84_F) ** 2
-"""Square of the polar radius in parts of the equatorial."""
+"""Square of the polar radius as a fraction of the square of the equatorial radius."""
 
 Vector = tuple[float, float, float]
 
 
 def _ecef_m(lat_deg: float, lon_deg: float) -> Vector:
-    """Of a point on the ellipsoid."""
+    """Earth-centred coordinates (ECEF) of a point on the ellipsoid, m."""
     lat, lon = math.radians(lat_deg), math.radians(lon_deg)
     prime_vertical = WGS84_A_M / math.sqrt(1.0 - (1.0 - _POLAR) * math.sin(lat) ** 2)
     ring = prime_vertical * math.cos(lat)

@@ -1,9 +1,9 @@
-"""Text files that say whom to trust (allow list, known boats): a line is `KEY WORD NAME`, the key in Z85.
+"""Trust store (allow list, known boats): text files in which a line is `KEY WORD NAME`, the key in Z85.
 
     # a comment (no key begins with a hash: it would be beyond 2^32)
     rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7 read,command bridge laptop
 
-What is not such a line is named and trusted in nothing, but kept when the file is written anew. Pure: text to text.
+What is not such a line is named and trusted in nothing, but kept when the file is written again. Pure: text to text.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ MAX_NAME: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line."""
+    """One line of such a file."""
 
     key: str
     word: str
@@ -25,7 +25,7 @@ class Entry:
 
     @property
     def line(self) -> str:
-        """As it stands in the file."""
+        """The line as it stands in the file."""
         return f"{self.key} {self.word} {self.name}"
 
 

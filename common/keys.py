@@ -1,7 +1,7 @@
 """Public keys of the link: CURVE key pairs as ZeroMQ takes them (Z85), key files, fingerprints.
 
 A secret key file is one line: the secret key in 40 characters of Z85. The public key follows from it. Only its owner
-may read it; a file that others can read is refused, not repaired: its key may be known to somebody already.
+may read it; a file that others can read is refused, not repaired: its key may be known to others already.
 """
 
 import os
@@ -22,12 +22,12 @@ from common.errors import WayfixError
 
 KEY_BYTES: Final = 32
 CROCKFORD: Final = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
-"""Base 32 without letters that look like digits."""
+"""Alphabet of base 32 without letters that look like digits."""
 FINGERPRINT_LETTERS: Final = 16
 SECRET: Final = 0o077
-"""Rights that nobody but the owner may have to a secret file."""
+"""Permission bits (mode) that nobody but the owner may have to a secret file."""
 TRUSTED: Final = 0o022
-"""... and to a file that says whom to trust: others may read it."""
+"""Permission bits that nobody but the owner may have to a file that says whom to trust; others may read it."""
 _Z85: Final = re.compile(r"[0-9a-zA-Z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}")
 _SECRET_FILE_BYTES: Final = 256
 
@@ -140,7 +140,7 @@ def _written_part(file: Path, data: bytes) -> Path:
 
 
 def _make(file: Path) -> None:
-    """Of two programs that start at once one makes the key and both use it: a link never replaces a file."""
+    """Make the key. Of two programs that start at once one makes it and both use it: a link never replaces a file."""
     part = _written_part(file, new_keys().secret + b"\n")
     try:
         os.link(part, file)

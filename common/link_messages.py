@@ -31,25 +31,25 @@ from common.errors import CodecError
 from common.untrusted_msgpack import unpack_untrusted
 
 MAX_HEADER_BYTES: Final = 16_384
-"""Of a message to the board."""
+"""Most bytes of a message to the board."""
 MAX_RUN_FRAMES: Final = 10_000_000
 MIN_PERIOD_S: Final = 0.05
 MAX_PERIOD_S: Final = 60.0
 HEARTBEAT_MS: Final = 1_000
 HEARTBEAT_TIMEOUT_MS: Final = 4_000
 LEASE_S: Final = 5.0
-"""A client that renews no lease for so long is forgotten."""
+"""Life of a lease, s: a client that does not renew it is forgotten."""
 RENEW_S: Final = 0.25
 WINDOW_BYTES: Final = 24_576
-"""Bytes on their way to one client: 200 ms of a radio of 1 Mbit/s."""
+"""Default window, bytes on their way to one client: 200 ms of a radio of 1 Mbit/s."""
 MIN_WINDOW: Final = 1_024
 MAX_WINDOW: Final = 2**20
 MAX_MISSING: Final = 64
-"""Ranges in one lease."""
+"""Most ranges in one lease."""
 MAX_RUNS: Final = 100
-"""Starts of the daemon told in one greeting, the newest."""
+"""Most starts of the daemon that one greeting lists, the newest."""
 MAX_ARGUMENT: Final = 500
-"""Characters of a command's argument."""
+"""Most characters of a command's argument."""
 
 TYPES: Final = (
     "hello", "connected", "lease", "alive", "frame", "end", "error", "command", "done", "bye",
@@ -73,12 +73,13 @@ class BoundedRun:
     """m frames in order, none skipped; `k` of them are received, the next begins with frame `seq` of `boot_id`."""
 
     m: int | None
-    """None = for ever: continuous in order, for a client that wants frames of another period."""
+    """Number of frames of the run; None = for ever: continuous in order, for a client that wants frames of another
+    period."""
     k: int
     boot_id: str
     seq: int
     period_s: float | None
-    """None = the board's own frames."""
+    """Period of the frames, s; None = the board's own frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +87,9 @@ class Lease:
     """The whole state of a client, as it asks to be served from here on."""
 
     session: str
-    """Drawn by the client, 1 to 16 hex digits: the same over all its connections."""
+    """Identity that the client draws, 1 to 16 hex digits: the same over all its connections."""
     boot_id: str
-    """Of the last `connected`; the board greets anew when it is another's."""
+    """`boot_id` of the last `connected`; the board greets again when it has another one."""
     window: int
     """Bytes of frames that may be on their way at once."""
     received: int
@@ -98,7 +99,7 @@ class Lease:
     missing: tuple[FrameRange, ...] = ()
     """Frames to be sent again, oldest first."""
     run: BoundedRun | None = None
-    """Instead of the newest frames and missing ones."""
+    """Bounded run in place of the newest frames and missing ones; None = none is asked for."""
 
     def as_fields(self) -> dict[str, Any]:
         """The message's fields."""

@@ -36,12 +36,12 @@ class Fix:
     lat_deg: Latitude | None = None
     lon_deg: Longitude | None = None
     alt_m: float | None = None
-    """Above mean sea level."""
+    """Height above mean sea level, m."""
     fix_quality: Annotated[int, Range(0, 9)] | None = None
     """GGA (GNS in the same numbers): 0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual,
     8 simulator."""
     fix_mode: Annotated[int, Range(1, 3)] | None = None
-    """GSA: 1 none, 2 = 2D, 3 = 3D."""
+    """Mode of the fix from GSA: 1 none, 2 = 2D, 3 = 3D."""
     status_valid: bool | None = None
     """RMC (or GLL) status: True A, False V."""
     satellites: Annotated[int, Range(0, 200)] | None = None
@@ -56,7 +56,7 @@ class Fix:
     tod_ms: TimeOfDayMs | None = None
     """UTC time of day of the epoch; 86,400,000 and above = the leap second 23:59:60."""
     held: bool = False
-    """The receiver repeated its last position under a new time: kept, never fused."""
+    """True when the receiver repeated its last position under a new time: the fix is kept, never fused."""
 
     @property
     def usable(self) -> bool:
@@ -95,7 +95,7 @@ class ImuBlock:
     sum_accel_stb_m_s: float = 0.0
     sum_yaw_deg: float = 0.0
     sum_count: Annotated[int, Range(0, None)] = 0
-    """Samples since start."""
+    """Number of samples since start."""
     sum_time_s: Annotated[float, Range(0.0, None)] = 0.0
     """Seconds covered by the integrals; gaps are not covered."""
 
@@ -178,13 +178,13 @@ class RadarTarget:
     range_m: Annotated[float, Range(0.0, 1e6)] | None = None
     bearing_true_deg: Direction | None = None
     bearing_rel_deg: Direction | None = None
-    """Clockwise from the bow."""
+    """Bearing relative to the bow, deg, clockwise."""
     sog_kn: Speed | None = None
     course_true_deg: Direction | None = None
     course_rel_deg: Direction | None = None
     cpa_m: Annotated[float, Range(0.0, 1e6)] | None = None
     tcpa_s: float | None = None
-    """Negative = already passed."""
+    """Time to the closest point of approach, s; negative = already passed."""
     lat_deg: Latitude | None = None
     lon_deg: Longitude | None = None
     name: Annotated[str, MaxLength(64)] | None = None
@@ -214,15 +214,15 @@ class SensorHealth:
     state: Annotated[str, OneOf(SENSOR_STATES)]
     reason: Annotated[str, MaxLength(256)] | None = None
     last_good_t_ns: int | None = None
-    """Boat time of the last accepted line; `None` = none since start."""
+    """Boat time of the last accepted line, ns; `None` = none since start."""
     rate_hz: Annotated[float, Range(0.0, None)] | None = None
-    """Accepted measurements a second, over the last seconds."""
+    """Rate of accepted measurements over the last seconds, Hz."""
     flooded: bool = False
-    """The port exceeds its byte budget; the surplus is read and thrown away."""
+    """True when the port exceeds its byte budget; the surplus is read and thrown away."""
     accepted: Annotated[int, Range(0, None)] = 0
-    """Lines accepted since start."""
+    """Number of lines accepted since start."""
     rejected: dict[str, int] = field(default_factory=dict)
-    """Reason -> lines rejected since start."""
+    """Number of lines rejected since start, by reason."""
     discarded_bytes: Annotated[int, Range(0, None)] = 0
 
 
@@ -258,18 +258,18 @@ class Frame:
     seq: Annotated[int, Range(0, 2**53)]
     """Board frames count from 0 at each start."""
     clock_id: Annotated[str, MaxLength(64)]
-    """Equal clock_id = comparable times."""
+    """Identity of the clock: times with an equal clock_id can be compared."""
     start_no: Annotated[int, Range(0, 2**53)]
     t0_ns: int
     t1_ns: int
     first_seq: Annotated[int, Range(0, 2**53)] | None = None
     """Set on a frame merged from several board frames (`run` with a period): their first seq; `seq` is their last."""
     utc_ns: UtcNs | None = None
-    """UTC of t0_ns."""
+    """UTC of t0_ns, ns since 1970; `None` = not known."""
     utc_unc_ns: Annotated[int, Range(0, 2**63 - 1)] | None = None
     utc_src: Annotated[str, OneOf(UTC_SOURCES)] = "none"
     clk_epoch: Annotated[int, Range(0, 2**53)] = 0
-    """+1 at every step of the mapping from boat clock to UTC."""
+    """Number of steps so far of the mapping from boat clock to UTC."""
     fixes: tuple[Fix, ...] = ()
     imu: tuple[ImuBlock, ...] = ()
     headings: tuple[Heading, ...] = ()

@@ -40,7 +40,7 @@ _BOAT: Final = b"wayfix-pair-1 boat"
 _READ_AS: Final = str.maketrans({"O": "0", "I": "1", "L": "1", "-": None, " ": None})
 
 Stretch = Callable[[str, bytes], bytes]
-"""(code, salt) -> k."""
+"""Key derivation: the code and the salt (both nonces) give k."""
 
 
 def code_of(bits: int) -> str:
@@ -94,7 +94,7 @@ class Board:
         self._told = b""
         self._key: bytes | None = None
         self.burnt: str | None = None
-        """Why the code is worth nothing any more."""
+        """Why the code is worth nothing any more; `None` = it is good."""
 
     def receive(self, message: bytes, now_ns: int) -> bytes | None:
         """The answer to the first message, None to the second, which takes long (scrypt). Raises LinkError."""
@@ -157,16 +157,16 @@ class Station:
         self._key = b""
         self._over = False
         self.proved = False
-        """The board knows the code: its key and boat id may be kept."""
+        """True once the board has proved that it knows the code: its key and boat id may be kept."""
 
     @property
     def board_key(self) -> bytes:
-        """32 bytes; to be kept only when `proved`."""
+        """Public key of the board, 32 bytes; to be kept only when `proved`."""
         return bytes(self._board["key"]) if self._board and self.proved else b""
 
     @property
     def boat_id(self) -> str:
-        """To be kept only when `proved`."""
+        """Id of the boat; to be kept only when `proved`."""
         return str(self._board["boat_id"]) if self._board and self.proved else ""
 
     def receive(self, message: bytes) -> bytes | None:

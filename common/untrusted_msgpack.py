@@ -12,7 +12,7 @@ from common.errors import CodecError
 
 MAX_DEPTH: Final = 6
 MAX_ENTRIES: Final = 1024
-"""Of one list or map."""
+"""Most entries of one list or map."""
 MAX_TEXT_BYTES: Final = 4096
 
 

@@ -3,9 +3,9 @@
 from typing import Any, Final
 
 SCHEMA_VERSION: Final = 1
-"""Of the frames (`common.messages`); raised only when an old reader could misread a new frame."""
+"""Version of the frames (`common.messages`); raised only when an old reader could misread a new frame."""
 LINK_VERSION: Final = 2
-"""Of the messages of the link (`common.link_messages`); 1 had neither leases nor keys."""
+"""Version of the messages of the link (`common.link_messages`); 1 had neither leases nor keys."""
 
 
 def schema_fault(other: object) -> str | None:

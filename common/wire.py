@@ -16,9 +16,9 @@ from common.field_bounds import MaxLength, OneOf, Range
 from common.units import NS_PER_US
 
 MAX_ENTRIES: Final = 8192
-"""Of one list or map."""
+"""Most entries of one list or map."""
 MAX_TEXT: Final = 4096
-"""Characters, where a field names no smaller limit."""
+"""Most characters of a text, where a field names no smaller limit."""
 
 _INT_LOW: Final = -(2**63)
 _INT_HIGH: Final = 2**63 - 1

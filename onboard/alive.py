@@ -1,7 +1,7 @@
-"""The mark a running daemon leaves behind: when the former run's last frame ended, should it die without a goodbye.
+"""Liveness mark (heartbeat file): when the former run's last frame ended, should it have died without a goodbye.
 
 It lies in the runtime directory, which is memory: nothing is worn, and a reboot forgets it. Frames of one machine's
-uptime only can be compared, so another clock id means nothing is told.
+uptime only can be compared, so with another clock id nothing is reported.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ def line_of(identity: Identity, t1_ns: int) -> bytes:
 
 
 def gap_of(line: str, clock_id: str, t0_ns: int) -> Gap | None:
-    """What a mark found at start tells; None for a damaged or foreign one. t0_ns: start of the first frame."""
+    """The gap that a mark found at start shows; None for a damaged or foreign one. t0_ns: start of the first frame."""
     match = _LINE.fullmatch(line)
     if match is None or match[1] != clock_id or int(match[3]) > t0_ns:
         return None
@@ -38,7 +38,7 @@ def gap_of(line: str, clock_id: str, t0_ns: int) -> Gap | None:
 
 
 class AliveMark:
-    """The mark's file; without a directory, or when it cannot be written, there is none and nothing is told."""
+    """The mark's file; without a directory, or when it cannot be written, there is none and nothing is reported."""
 
     def __init__(self, directory: Path | None, identity: Identity) -> None:
         self._identity = identity

@@ -1,4 +1,4 @@
-"""`wayfix-onboard check`: whether a configuration is right, and every port opens."""
+"""Configuration check (`wayfix-onboard check`): whether a configuration is right, and every port opens."""
 
 import argparse
 import sys
@@ -8,7 +8,7 @@ from common.errors import WayfixError
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parser."""
+    """Add the sub-parser."""
     parser = commands.add_parser("check", help="check a configuration and its ports", description=_check.__doc__)
     parser.add_argument("config")
     parser.set_defaults(command=_check)

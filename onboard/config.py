@@ -1,4 +1,4 @@
-"""The board's configuration file: read, checked as a whole, every fault reported at once."""
+"""Configuration validation: the board's file is read and checked as a whole, and every fault is reported at once."""
 
 import os
 import re
@@ -13,12 +13,12 @@ from onboard.devices import make_driver
 
 _SENSOR_ID = re.compile(rf"({'|'.join(ROLES)})([1-9]\d?)")
 
-# Bytes one measurement costs on the wire, generous: a GPS epoch with its satellite tables, an ArduIMU line, ...
+# Bytes that one measurement takes on the wire, generously: a GPS epoch with its satellite tables, an ArduIMU line.
 _ENDPOINT = re.compile(r"tcp://(?:\*|[\w.-]+|\[[0-9A-Fa-f:.%\w]+\]):(?P<port>\*|[0-9]{1,5})|ipc://.+|inproc://.+")
 _TALKER = re.compile("[A-Z0-9]{2}")
 _NOMINAL_BYTES = {"gps": 500, "imu": 160, "gyro": 40, "compass": 80, "ais": 4000, "radar": 2000}
 WHOLE_RATES_HZ: Final = (1, 2, 4, 5, 8, 10, 16, 20)
-"""Rates whose period is a whole number of microseconds and divides the second."""
+"""Frame rates (Hz) whose period is a whole number of microseconds and divides the second."""
 
 _BUDGET_FACTOR = 4
 _LEAST_BUDGET_BYTES_S = 2000

@@ -1,4 +1,4 @@
-"""The daemon: one asyncio loop owns ports, acquisition (bytes to frames) and socket."""
+"""The daemon (event loop): one asyncio loop owns ports, acquisition (bytes to frames) and socket."""
 
 import asyncio
 import logging
@@ -37,9 +37,10 @@ log = logging.getLogger(__name__)
 
 DRAIN_S: Final = 0.5
 GOODBYE_S: Final = 1.0
-"""With the other waits of the end less than TimeoutStopSec= of deploy/wayfix-onboard.service."""
+"""Time that clients have to say goodbye, s; with the other waits of the end less than TimeoutStopSec= of the
+service."""
 CATCH_UP_NS: Final = 60 * NS_PER_S
-"""A board that slept longer than this (suspend) leaves a hole in the grid instead of a burst of empty frames."""
+"""Longest gap that is filled with empty frames, ns; a board that slept longer (suspend) leaves a hole in the grid."""
 _LOG_LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 
@@ -125,7 +126,7 @@ class Daemon:
         # The mark's times are compared with those of the run before: only the real boat clock goes on over a restart.
         self._mark = AliveMark(runtime_dir if clock.rate == 1.0 else None, identity)
         self.parts: list[Callable[[], bool]] = []
-        """Each says whether it lives; the watchdog is fed only while all do."""
+        """Functions that each return True while their part lives; the watchdog is fed only while all do."""
         self._stop = asyncio.Event()
         self._stop_reason = ""
 
@@ -135,7 +136,7 @@ class Daemon:
         self._stop.set()
 
     async def run(self, bind: str, on_ready: Callable[[dict[str, Any]], None]) -> None:
-        """Run until `stop`; on_ready is told where the socket listens once ports are polled. Raises WayfixError."""
+        """Run until `stop`; on_ready gets the socket's address once ports are polled. Raises WayfixError."""
         workers = await self._access.start()
         endpoint = self.server.bind(bind)
         self._keys = self._key_requests(endpoint)
@@ -181,7 +182,7 @@ class Daemon:
         return {"bind": endpoint, "boot_id": identity.boot_id, "boat_id": identity.boat_id, "public_key": key}
 
     def _tell_gap(self) -> None:
-        """An event when the former run died: nobody else tells how long there were no frames."""
+        """Make an event when the former run died: nothing else shows how long there were no frames."""
         first_ns = self._next_tick_ns - self.period_ns
         gap = self._mark.former(first_ns)
         if gap is not None:
@@ -189,7 +190,7 @@ class Daemon:
             self._journal.tell("daemon-resumed", gap_s=gap_s, former_boot_id=gap.boot_id)
 
     async def _finish(self) -> None:
-        """The last, shorter frame and `end` to every client."""
+        """Send the last, shorter frame and `end` to every client."""
         self._notifier.stopping()
         now_ns = self.clock.now_ns()
         self._journal.tell_at(now_ns, "daemon-stopping", reason=self._stop_reason or "error")
@@ -208,7 +209,7 @@ class Daemon:
             self._mark.goodbye()  # a run that ends by an error keeps its mark: frames will be missing too
 
     async def _tick_for_ever(self) -> None:
-        """Frames on an absolute grid; a late tick is caught up frame by frame, only a long sleep is skipped."""
+        """Make frames on an absolute grid; a late tick is caught up frame by frame, only a long sleep is skipped."""
         while True:
             await asyncio.sleep(self.clock.seconds_until(self._next_tick_ns))
             now_ns = self.clock.now_ns()
@@ -253,7 +254,7 @@ class Daemon:
             self._reloading = asyncio.create_task(self._keys.reload())
 
     def _status(self) -> dict[str, Any]:
-        """For the command `status`."""
+        """The answer to the command `status`."""
         now_ns = self.clock.now_ns()
         sensors = {name: monitor.state(now_ns)[0] for name, monitor in self.acquisition.monitors.items()}
         identity = self.acquisition.identity

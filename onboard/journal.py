@@ -15,14 +15,14 @@ from common.messages import Event
 
 @dataclass(frozen=True, slots=True)
 class Journal:
-    """Where one part of the daemon says what happens to it."""
+    """The place where one part of the daemon reports its events."""
 
     sink: Callable[[Event], None]
     """Takes every event, in the thread and at the moment of `tell`."""
     now_ns: Callable[[], int]
     """The boat clock, ns; read once for each event."""
     source: str = "daemon"
-    """Stands in each event: a part (daemon, link, spool), a sensor's id, or who spoke (operator)."""
+    """Source of each event: a part (daemon, link, spool), a sensor's id, or who spoke (operator)."""
 
     def child(self, source: str) -> "Journal":
         """A journal with the same clock and sink for another source."""

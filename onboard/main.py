@@ -1,4 +1,4 @@
-"""`wayfix-onboard`: run the daemon, check a configuration, play a virtual boat, convert a recording."""
+"""`wayfix-onboard` (command line): run the daemon, check a configuration, play a virtual boat, convert a recording."""
 
 import argparse
 import logging

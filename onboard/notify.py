@@ -1,4 +1,4 @@
-"""What the daemon tells its supervisor, and how its log reaches the journal: the only importer of systemd.
+"""Service notification (sd_notify, watchdog) and logging to the journal: the only importer of systemd.
 
 With systemd-python the log has journal fields (SENSOR=, CODE=); without it the notify datagram is our own and systemd
 takes each line's priority from a `<N>` prefix. Away from systemd nothing is sent and the log is plain.
@@ -16,26 +16,26 @@ from common.units import NS_PER_US
 
 PROGRAM: Final = "wayfix-onboard"
 FEEDS_PER_INTERVAL: Final = 4
-"""A watchdog is fed every quarter of its interval: a tick of up to a quarter may come in between and half is kept."""
+"""Feeds of the watchdog in one interval: a tick of up to a quarter may come in between, and half is kept."""
 SEND_S: Final = 0.5
-"""How long a full queue of the supervisor is waited for."""
+"""Time-out of a send while the supervisor's queue is full, s."""
 _PRIORITY: Final = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 _FIELDS: Final = ("sensor", "code")
 """Attributes of a log record (`extra=`) that become journal fields of the same name in capitals."""
 
 
 class Notifier:
-    """The supervisor's ear (sd_notify); deaf when nobody listens."""
+    """The connection to the supervisor (sd_notify); without a supervisor it does nothing."""
 
     def __init__(self, send: Callable[[str], object] | None, watchdog_ns: int | None = None) -> None:
-        """Send: takes one datagram's text; watchdog_ns: kills after so long without a feed, None = no watchdog."""
+        """send: takes one datagram's text; watchdog_ns: it kills after this time without a feed, None = no watchdog."""
         self._send = send
         self._feed_ns = None if watchdog_ns is None else watchdog_ns // FEEDS_PER_INTERVAL
         self._fed_ns: int | None = None
         self._status = ""
 
     def ready(self) -> None:
-        """The ports are polled and the socket is bound."""
+        """Report that the ports are polled and the socket is bound."""
         self._tell("READY=1")
 
     def status(self, text: str) -> None:
@@ -45,7 +45,7 @@ class Notifier:
             self._tell(f"STATUS={text}")
 
     def watchdog(self) -> None:
-        """Everything lives at this moment. Call it as often as you like: it is sent when due, by the real clock."""
+        """Feed the watchdog: everything lives at this moment. Call it often: it is sent when due, by the real clock."""
         if self._feed_ns is None:
             return
         now_ns = boottime_ns()
@@ -54,7 +54,7 @@ class Notifier:
             self._tell("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """The daemon ends in good order."""
+        """Report that the daemon ends in good order."""
         self._tell("STOPPING=1")
 
     def _tell(self, text: str) -> None:
@@ -148,7 +148,7 @@ class JournalHandler(logging.Handler):
         self.setFormatter(logging.Formatter("%(message)s"))
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One entry."""
+        """Send one entry."""
         try:
             self._send(self.format(record), **journal_fields(record))
         except Exception:

@@ -1,4 +1,4 @@
-"""`wayfix-onboard run`: the daemon, from its arguments to its end."""
+"""`wayfix-onboard run` (service entry point): the daemon, from its arguments to its end."""
 
 import argparse
 import asyncio
@@ -18,7 +18,7 @@ from onboard.notify import notifier
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parser."""
+    """Add the sub-parser."""
     parser = commands.add_parser("run", help="poll the sensors and stream frames", description=_run.__doc__)
     parser.add_argument("config", help="the board's configuration (deploy/examples/boat.toml explains every key)")
     parser.add_argument("--bind", help="listen here instead of [link] bind, like tcp://127.0.0.1:5760")

@@ -37,9 +37,9 @@ from shore.report.score import score_of
 
 READY_S: Final = 20.0
 DRAIN_BOAT_S: Final = 1.0
-"""Boat seconds between the virtual boat's last byte and the daemon's stop: the last GPS epoch closes in them."""
+"""Boat time between the virtual boat's last byte and the daemon's stop, s: the last GPS epoch closes in it."""
 END_S: Final = 20.0
-"""For the daemon's last words, and for a station on a slow disk to read them; it takes half a second."""
+"""Time that the daemon's last messages may take, s, also for a station on a slow disk; half a second is usual."""
 STOP_S: Final = 1.0
 
 
@@ -111,7 +111,7 @@ class Child:
                 return dict(line[key])
 
     def tell(self, line: str) -> None:
-        """One line to the child's stdin."""
+        """Write one line to the child's stdin."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(line + "\n")
@@ -120,7 +120,7 @@ class Child:
             raise self.death() from error
 
     def death(self) -> WayfixError:
-        """The sentence for a child that is gone."""
+        """The sentence for a child that has ended."""
         time.sleep(0.1)  # its last line may still be on the way
         code = self.process.poll()
         how = f"killed by {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
@@ -244,7 +244,7 @@ class Demo:
             link.close()
 
     def _supervise(self) -> bool:
-        """True when the run should end: somebody died, the mission is over, or the person pressed Ctrl-C."""
+        """True when the run should end: a child died, the mission is over, or the person pressed Ctrl-C."""
         assert self._virtual is not None
         assert self._daemon is not None
         if self._stop():
@@ -288,7 +288,7 @@ class Demo:
 
 
 def _allow(state: Path, public_key: bytes) -> None:
-    """The demo's station is on the list of the demo's board from the start."""
+    """Put the demo's station on the list of the demo's board before the start."""
     state.mkdir(mode=0o700)
     entry = Entry(public_key.decode("ascii"), "read", "demo")
     write_own(state / "allowed-keys", with_entry("", entry).encode("ascii"))

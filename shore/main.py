@@ -1,4 +1,4 @@
-"""`wayfix`: connect to a boat, replay a log, run the demo, the laboratory."""
+"""`wayfix` (command line): connect to a boat, replay a log, run the demo, the laboratory."""
 
 import argparse
 import logging

@@ -1,4 +1,4 @@
-"""One path for live, replay and import: frames in, estimates and events out. No clock, no timer, no side effect.
+"""Pipeline for live, replay and import: frames in, estimates and events out. No clock, no timer, no side effect.
 
 A row of stages, each behind the one before: own ship (`shore/navigation`); targets will stand behind its estimate. The
 same frames in the same order give the same output, bit for bit.
@@ -48,9 +48,9 @@ class Pipeline:
         self._new_own_ship: Callable[[], OwnShip] = partial(OwnShip, config, tuple(filters), step_s, judge)
         self._own_ship = self._new_own_ship()
         self._start: BoatStart | None = None
-        """The newest start of the board."""
+        """The newest start of the board; `None` before the first frame."""
         self._seen: dict[str, SeqSet] = {}
-        """By boot_id."""
+        """Numbers of the frames that were taken in, by boot_id."""
 
     def push(self, frame: Frame) -> Output:
         """Take in one frame, in any order; known frames and frames of an older clock lead to nothing."""

@@ -1,4 +1,4 @@
-"""What the commands ashore share: words to stderr, data to stdout, one line of JSON at the end, the list of filters."""
+"""Terminal output of the commands ashore: words to stderr, data to stdout, one line of JSON last; list of filters."""
 
 import argparse
 import json
@@ -20,12 +20,12 @@ def say(line: str) -> None:
 
 
 def tell(line: str) -> None:
-    """One line of data on stdout."""
+    """Print one line of data on stdout."""
     sys.stdout.write(f"{_shown(line)}\n")
 
 
 def _shown(text: str) -> str:
-    """Names of files and words of foreign logs cannot steer the terminal."""
+    """Text in which names of files and words of foreign logs cannot steer the terminal."""
     return "\n".join(map(printable, text.split("\n")))
 
 
@@ -37,12 +37,12 @@ def finish(arguments: argparse.Namespace, summary: dict[str, Any]) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """`--json`."""
+    """Add `--json`."""
     parser.add_argument("--json", action="store_true", help="last line of stdout is one JSON object")
 
 
 def add_filter_arguments(parser: argparse.ArgumentParser, default: str | None) -> None:
-    """`--filters` and `--step`; default `None` = those of the live run."""
+    """Add `--filters` and `--step`; default `None` = those of the live run."""
     shown = default or "those of the live run"
     parser.add_argument("--filters", default=default, help=f"comma-separated, the first leads (default {shown})")
     parser.add_argument(

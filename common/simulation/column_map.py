@@ -1,4 +1,4 @@
-"""The mapping file of a table (CSV): which column is what, in which unit (deploy/examples/*-map.toml explain it).
+"""Column mapping file of a table (CSV): which column is what, in which unit (deploy/examples/*-map.toml explain it).
 
 Two programs read it. An import (`wayfix import`) takes every row as it is, of whatever parts are mapped. A voyage
 (`wayfix-onboard virtual`) sub-samples the rows and adds noise; it wants every part, and knows fewer keys.
@@ -19,16 +19,16 @@ VOYAGE: Final = "voyage"
 ImportOnly = Annotated[T, OnlyFor(IMPORT)]
 VoyageNeeds = Annotated[T, NeededFor(VOYAGE)]
 Rate = Annotated[float, Range(0.01, 1000.0)]
-"""An import takes every row."""
+"""Rate to which a voyage sub-samples the rows, Hz; an import takes every row."""
 Noise = Annotated[float, Range(0.0, 1e6)]
-"""An import adds none."""
+"""Noise that a voyage adds, 1-sigma; an import adds none."""
 Latitude = Annotated[float, Range(-90.0, 90.0)]
 Longitude = Annotated[float, Range(-180.0, 180.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeColumn:
-    """`[time]`."""
+    """The table `[time]`: when each row was measured."""
 
     column: str
     scale: float = 1.0
@@ -36,17 +36,17 @@ class TimeColumn:
     nanoseconds: ImportOnly[str | None] = None
     """Column with the nanoseconds beyond it (ROS)."""
     unix: ImportOnly[bool] = False
-    """Counts from 1970, UTC."""
+    """True = the column counts from 1970, UTC."""
     more: ImportOnly[tuple[str, ...]] = ()
     """Further columns of a time that is text; joined with a blank."""
     format: ImportOnly[str | None] = None
     """How the text is written (Python's strptime), for example "%Y-%m-%d %H:%M:%S.%f"."""
     utc: ImportOnly[bool] = False
-    """The text is UTC, date included."""
+    """True = the text is UTC, date included."""
     wraps_s: ImportOnly[Annotated[float, Range(0.0, 1e9)]] = 0.0
-    """The clock starts again after so long (a twelve-hour clock: 43200); 0 = never."""
+    """Period after which the clock starts again, s (a twelve-hour clock: 43200); 0 = never."""
     spread: ImportOnly[bool] = False
-    """Rows of one stamp (whole seconds, several rows in each) lie evenly up to the next."""
+    """True = rows of one stamp (whole seconds, several rows in each) lie evenly up to the next."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -61,22 +61,22 @@ class FixColumns:
     lat: VoyageNeeds[str | None] = None
     lon: VoyageNeeds[str | None] = None
     scale: ImportOnly[float] = 1.0
-    """Degrees in one unit."""
+    """Degrees in one unit of the columns."""
     north: ImportOnly[str | None] = None
     east: ImportOnly[str | None] = None
     origin_lat_deg: ImportOnly[Latitude | None] = None
     origin_lon_deg: ImportOnly[Longitude | None] = None
     alt: ImportOnly[str | None] = None
-    """m above mean sea level."""
+    """Column of the height above mean sea level, m."""
     sog: ImportOnly[str | None] = None
     sog_scale: ImportOnly[float] = 1.0
-    """Knots in one unit."""
+    """Knots in one unit of the column."""
     cog: ImportOnly[str | None] = None
-    """Degrees from true north."""
+    """Column of the course over ground, degrees from true north."""
     mode: ImportOnly[str | None] = None
-    """1 none, 2 = 2D, 3 = 3D."""
+    """Column of the fix mode: 1 none, 2 = 2D, 3 = 3D."""
     held: ImportOnly[bool] = False
-    """The columns keep their last value between two fixes: a row that repeats them brings none."""
+    """True = the columns keep their last value between two fixes: a row that repeats them brings none."""
     rate_hz: Rate = 1.0
     noise_m: Noise = 0.0
     """1-sigma added to each horizontal axis."""
@@ -95,9 +95,9 @@ class HeadingColumns:
     quaternion: ImportOnly[tuple[str, ...]] = ()
     """Columns x, y, z, w of the rotation from body (forward, starboard, down) to north, east, down."""
     scale: float = 1.0
-    """Degrees in one unit; negative = the column counts the other way."""
+    """Degrees in one unit of the column; negative = the column counts the other way."""
     offset_deg: ImportOnly[Annotated[float, Range(-360.0, 360.0)]] = 0.0
-    """Added after scaling."""
+    """Offset that is added after scaling, deg."""
     magnetic: ImportOnly[bool] = False
     held: ImportOnly[bool] = False
     rate_hz: Rate = 10.0
@@ -117,11 +117,12 @@ class ImuColumns:
     accel_stb: VoyageNeeds[str | None] = None
     yaw_rate: str
     accel_scale: float = 1.0
-    """m/s^2 in one unit."""
+    """Acceleration in one unit of the columns, m/s^2."""
     accel_stb_scale: ImportOnly[float | None] = None
-    """The same for starboard, where it is another (a column that points to port)."""
+    """Acceleration in one unit of the starboard column, where it is another one (a column that points to port),
+    m/s^2."""
     yaw_rate_scale: float = 1.0
-    """deg/s in one unit; negative = + bow to port."""
+    """Yaw rate in one unit of the column, deg/s; negative = the column is + bow to port."""
     held: ImportOnly[bool] = False
     rate_hz: Rate = 20.0
 
@@ -158,7 +159,7 @@ class ColumnMap:
     heading: VoyageNeeds[HeadingColumns | None] = None
     imu: VoyageNeeds[ImuColumns | None] = None
     reference: VoyageNeeds[ReferenceColumns | None] = None
-    """An import does not look at it."""
+    """Columns of the reference track; an import does not look at them."""
     facts: SensorFacts = field(default_factory=SensorFacts)
 
     @property

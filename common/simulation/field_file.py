@@ -35,7 +35,7 @@ _LENGTHS: Final = {"m": 1.0, "km": 1000.0}
 _SPEEDS: Final = {"m_s": 1.0, "cm_s": 0.01, "kn": M_S_PER_KN}
 _TIMES: Final = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _UNITS: Final = {"t": _TIMES, "east": _LENGTHS, "north": _LENGTHS, "v_east": _SPEEDS, "v_north": _SPEEDS}
-"""Quantity -> unit -> SI."""
+"""Factors to SI, by quantity and unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +43,13 @@ class GriddedField:
     """Velocities on a rectangular grid of times and places; see the module for what is between and beyond."""
 
     t_s: Array
-    """(times,), growing; as the two below."""
+    """Times of the grid, (times,), s, growing."""
     east_m: Array
-    """(easts,)"""
+    """Eastings of the grid, (easts,), m, growing."""
     north_m: Array
-    """(norths,)"""
+    """Northings of the grid, (norths,), m, growing."""
     velocity_m_s: Array
-    """(times, easts, norths, 2): east, north."""
+    """Velocity at each point of the grid, (times, easts, norths, 2): east, north, m/s."""
 
     def __call__(self, east_m: Number, north_m: Number, t_s: Number) -> tuple[Number, Number]:
         """Velocity at a place and time."""

@@ -15,14 +15,14 @@ import numpy.typing as npt
 
 Number = float | npt.NDArray[np.float64]
 VectorField = Callable[[Number, Number, Number], tuple[Number, Number]]
-"""(east_m, north_m, t_s) -> velocity (east_m_s, north_m_s), in the direction of the flow."""
+"""Called with (east_m, north_m, t_s); gives the velocity (east_m_s, north_m_s) in the direction of the flow."""
 
 SEMI_DIURNAL_S: Final = 12.4206 * 3600.0
 """From one high water to the next: the principal lunar tide."""
 
 
 def _sin(angle_rad: Number) -> Number:
-    """Of an array, or of a float by the C library: its last bit decides whether a seed gives the same readings."""
+    """Sine of an array, or of a float by the C library: its last bit decides whether a seed gives the same readings."""
     return math.sin(angle_rad) if isinstance(angle_rad, float) else np.sin(angle_rad)
 
 
@@ -96,7 +96,7 @@ class Tide:
     """A slack water after which the flood begins, in s after the start of the voyage (negative = before)."""
     peaks: tuple[TidePeaks, ...] = SOUTHAMPTON_WATER[:1]
     mouth: tuple[float, float] = (0.0, 0.0)
-    """(east_m, north_m) from where `up_m` counts."""
+    """Place from which `up_m` counts: (east_m, north_m)."""
     period_s: float = SEMI_DIURNAL_S
 
     def __call__(self, east_m: Number, north_m: Number, t_s: Number) -> tuple[Number, Number]:
@@ -117,9 +117,9 @@ class Leeway:
     """What the wind does to the boat: a fraction of the wind's own velocity, downwind."""
 
     wind: VectorField
-    """The air: (east_m_s, north_m_s) where it blows *to*."""
+    """Velocity of the air: (east_m_s, north_m_s) where it blows *to*."""
     coefficient: float
-    """Some 0.02 to 0.04 for a small boat."""
+    """Leeway as a fraction of the wind's velocity, some 0.02 to 0.04 for a small boat."""
 
     def __call__(self, east_m: Number, north_m: Number, t_s: Number) -> tuple[Number, Number]:
         """Velocity that the wind adds."""

@@ -21,13 +21,13 @@ class Assumed:
     gps_north_m: float
     compass_deg: float
     accel_density: float
-    """m/s^2/sqrt(Hz), both axes."""
+    """Noise density of the acceleration on both axes, m/s^2/sqrt(Hz)."""
     gyro_density_deg: float
-    """deg/s/sqrt(Hz)."""
+    """Noise density of the yaw rate, deg/s/sqrt(Hz)."""
     start_position_m: float = 1.0
-    """Square root of P(1), each axis (Eqs 4.39, 4.43)."""
+    """Square root of P(1) on each axis, m (Eqs 4.39, 4.43)."""
     start_velocity_m_s: float = 0.1
-    """Each axis."""
+    """1-sigma of the first velocity on each axis, m/s."""
     start_heading_deg: float = 0.5
     exact_start: bool = False
     """The first state is the true one, though P(1) is not 0; else it is drawn from P(1) about the truth."""

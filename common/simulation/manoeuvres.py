@@ -1,4 +1,4 @@
-"""Ground truth without a helm: constant velocity and coordinated turns by the clock (Scenarios 4.1 and 4.2).
+"""Ground truth without a helm (kinematic models): constant velocity and coordinated turns (Scenarios 4.1 and 4.2).
 
 The state of Eq. 4.35 is x = [px, py, vx, vy] (m, m/s; east, north). x(1) of the thesis is t = 0 here.
 """

@@ -16,7 +16,7 @@ from common.simulation.fields import VectorField
 
 Array = npt.NDArray[np.float64]
 Place = tuple[float, float]
-"""(east_m, north_m)."""
+"""A place on the local plane: (east_m, north_m)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +27,10 @@ class Truth:
     east_m: Array
     north_m: Array
     v_east_m_s: Array
-    """Over ground, current included."""
+    """Velocity over ground to the east, m/s, current included."""
     v_north_m_s: Array
     heading_rad: Array
-    """Clockwise from true north."""
+    """Heading clockwise from true north, rad."""
 
     def at(self, t_s: Array) -> "Truth":
         """Truth at other times, linear between its own (exact for velocity and heading, 20 um for position)."""
@@ -71,18 +71,19 @@ class Mission:
 
     start: Place
     waypoints: tuple[Place, ...]
-    """The last one is the end point: the mission is over within its clearance."""
+    """Waypoints in order; the last one is the end point: the mission is over within its clearance."""
     heading_deg: float
-    """At the start."""
+    """Heading at the start, deg from true north."""
     speed_m_s: float = 1.0
-    """Through water, along the heading."""
+    """Speed through the water along the heading, m/s."""
     turn_rate_deg_s: float = 3.0
     clearance_m: float = 20.0
-    """d of Eq. 4.54. Below the turn radius (19 m at 1 m/s and 3 deg/s) a boat may circle a waypoint for ever."""
+    """Waypoint clearance d of Eq. 4.54, m. Below the turn radius (19 m at 1 m/s and 3 deg/s) a boat may circle a
+    waypoint for ever."""
     helm_s: float = 1.0
-    """T of the turn rule: time between two decisions of the helm."""
+    """Period T of the turn rule, s: time between two decisions of the helm."""
     longest_s: float = 3600.0
-    """The mission is cut here if it has not ended."""
+    """Longest duration of the mission, s: it is cut here if it has not ended."""
 
 
 def turn_direction(heading_rad: float, bearing_rad: float, band_rad: float) -> int:
@@ -130,7 +131,7 @@ def sail(mission: Mission, current: VectorField, step_s: float = 0.05) -> Truth:
 
 
 def _moved(place: Place, before: Place, after: Place, step_s: float) -> Place:
-    """Where a constant acceleration from one velocity to the other leads."""
+    """Place to which a constant acceleration from one velocity to the other leads."""
     return place[0] + 0.5 * step_s * (before[0] + after[0]), place[1] + 0.5 * step_s * (before[1] + after[1])
 
 

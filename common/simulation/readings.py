@@ -11,7 +11,7 @@ from common.boat_config import IMU_AXES, SensorTable
 from common.field_bounds import OneOf, Range
 
 _TABLE: Final = SensorTable(id="imu1", port="imu", role="imu")
-"""For its defaults: what a boat's file means when it says nothing."""
+"""Sensor table that gives the defaults: what a boat's file means when it says nothing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,32 +32,33 @@ class Runs:
 
     step_s: float
     truth: Array
-    """(k, 5): east, north (m), v_east, v_north over ground (m/s), heading (rad, continuous, clockwise from north)."""
+    """True state, (k, 5): east, north (m), v_east, v_north over ground (m/s), heading (rad, continuous, clockwise from
+    north)."""
     inputs: Array
-    """(k, 3): true means over the interval that ends at the row, resolved at the mid heading: acceleration forward and
-    to starboard (m/s^2), yaw rate (rad/s). Row 0 is 0."""
+    """True input, (k, 3): means over the interval that ends at the row, resolved at the mid heading: acceleration
+    forward and to starboard (m/s^2), yaw rate (rad/s). Row 0 is 0."""
     imu: Array
-    """(runs, k, 3): the same as measured, with noise and bias."""
+    """Measured input, (runs, k, 3), in the same units, with noise and bias."""
     gps: Array
-    """(runs, k, 2): east, north (m)."""
+    """Measured position, (runs, k, 2): east, north (m)."""
     compass_rad: Array
-    """(runs, k): [-pi, pi)."""
+    """Measured heading, (runs, k), rad, within [-pi, pi)."""
     has_gps: npt.NDArray[np.bool_]
-    """(k,)"""
+    """True at each step that has a fix, (k,)."""
     has_compass: npt.NDArray[np.bool_]
-    """(k,)"""
+    """True at each step that has a heading, (k,)."""
     gps_m: Array
-    """(k, 2): true 1-sigma of a fix's error, a slow part included."""
+    """True 1-sigma of a fix's error at each step, (k, 2), m, a slow part included."""
     compass_sigma_rad: Array
-    """(k,): true 1-sigma of the compass' noise; deviation is none."""
+    """True 1-sigma of the compass' noise at each step, (k,), rad; deviation is none."""
     accel_std: Array
-    """(k, 2): true 1-sigma of the white noise of a sample at this step (m/s^2)."""
+    """True 1-sigma of the white noise of an acceleration sample at each step, (k, 2), m/s^2."""
     gyro_std_rad: Array
-    """(k,)"""
+    """True 1-sigma of the white noise of a yaw-rate sample at each step, (k,), rad/s."""
     biases: Array
-    """(runs, 3): true IMU bias that is constant over a run: forward, starboard (m/s^2), yaw rate (rad/s)."""
+    """True IMU bias that is constant over a run, (runs, 3): forward, starboard (m/s^2), yaw rate (rad/s)."""
     start_noise: Array
-    """(runs, 16): standard normals for the filters' start."""
+    """Standard normals for the filters' start, (runs, 16)."""
 
     @property
     def t_s(self) -> Array:
@@ -97,7 +98,7 @@ def draw_runs(scenario: Scenario, count: int, seed: int, first: int = 0) -> Runs
 
 
 _TO_SI: Final = np.array([1.0, 1.0, np.pi / 180.0])
-"""The gyro is in degrees in `sensors`."""
+"""Factors to SI for the columns of an IMU: the gyro is in degrees in `sensors`."""
 
 
 def _from_row_1(columns: Array) -> Array:

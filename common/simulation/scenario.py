@@ -1,4 +1,4 @@
-"""A scenario: a mission, what moves the boat, what its sensors do, what its filter is told; and variants of one."""
+"""A scenario: a mission, what moves the boat, what its sensors do, what its filter assumes; and variants of one."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
@@ -38,20 +38,21 @@ class Scenario:
 
     name: str
     group: str
-    """Heading under which it is listed."""
+    """Heading under which the scenario is listed."""
     text: str
     mission: Mission | Manoeuvres
     phases: tuple[Phase, ...]
     assumed: Assumed
-    """Told to the filter, profile `stated`."""
+    """Tuning of the filter in the profile `stated`."""
     compat: Assumed | None = None
-    """Profile `compat`, which explains the published figures; `None` = nothing is published."""
+    """Tuning of the filter in the profile `compat`, which explains the published figures; `None` = nothing is
+    published."""
     current: VectorField = STILL
     """All that moves the boat besides its own speed through the water; `Manoeuvres`, over ground, feel nothing."""
     flaws: Flaws = NO_FLAWS
     outages: tuple[Outage, ...] = ()
     step_s: float = 1.0
-    """T of the thesis: all sensors measure at once every so often in the laboratory."""
+    """Step T of the thesis, s: all sensors measure at once every so often in the laboratory."""
     plane: LocalPlane = SOLENT
     coast: tuple[Place, ...] = ()
     """A line to draw: our own schematic stand-in for the shore, which no calculation uses."""

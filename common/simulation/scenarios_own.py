@@ -34,12 +34,13 @@ def _degrees(ddmm: float) -> float:
 
 
 ROADFORD: Final = LocalPlane(_degrees(5041.7226), _degrees(-414.1994))
-"""Start point of Table 5.9."""
+"""Local plane about the start point of Table 5.9."""
 BUOYS: Final = tuple(
     ROADFORD.to_east_north_m(_degrees(lat), _degrees(lon))
     for lat, lon in ((5041.8085, -414.0430), (5041.9728, -413.9645), (5041.9330, -414.1790))
 )
-"""Of Table 5.9, m. The metres printed there omit cos(lat), so their eastings are 1.58 times too long."""
+"""Buoys of Table 5.9, east and north, m. The metres printed there omit cos(lat), so their eastings are 1.58 times too
+long."""
 ROADFORD_COAST: Final[tuple[Place, ...]] = (
     (-60.0, -50.0), (60.0, -35.0), (170.0, 60.0), (270.0, 140.0), (330.0, 300.0), (340.0, 480.0), (260.0, 560.0),
     (120.0, 500.0), (-40.0, 470.0), (-80.0, 330.0), (-20.0, 180.0), (-60.0, -50.0),
@@ -53,11 +54,11 @@ ESTUARY_COAST: Final[tuple[Place, ...]] = (
 )  # fmt: skip
 
 CALIBRATED: Final = replace(TABLE_5_4, compass_deg=1.0)
-"""8 m, 7 m, 1 deg."""
+"""Sensor errors of a calibrated boat: GPS 8 m and 7 m, compass 1 deg."""
 SHAKEN: Final = replace(
     TABLE_5_4, accel_density=5.0 * TABLE_5_4.accel_density, gyro_density_deg=5.0 * TABLE_5_4.gyro_density_deg
 )
-"""IMU noise five times as large."""
+"""Sensor errors with an IMU noise five times as large."""
 NIMBLE: Final = replace(TABLE_5_4, compass_deg=20.0)
 
 

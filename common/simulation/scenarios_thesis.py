@@ -19,16 +19,16 @@ CHAPTER_4: Final = "thesis, chapter 4"
 CHAPTER_5: Final = "thesis, chapter 5"
 
 LINE: Final = Mission(start=(365.0, 728.0), waypoints=((517.0, 125.0),), heading_deg=150.0)
-"""Scenario 4.3, Eq. 4.56; turn rate and clearance are not printed."""
+"""Mission of Scenario 4.3, Eq. 4.56; turn rate and clearance are not printed."""
 TRACK_1: Final = Mission(
     start=(765.0, 728.0), waypoints=((650.0, 385.0), (320.0, 190.0), (30.0, 250.0)), heading_deg=210.0
 )
-"""T1 of Table 4.6 and Eq. 4.57."""
+"""Mission on track T1 of Table 4.6 and Eq. 4.57."""
 TRACK_2: Final = replace(TRACK_1, waypoints=((580.0, 385.0), (380.0, 190.0), (30.0, 250.0)))
 TRACK_3: Final = replace(TRACK_1, waypoints=((650.0, 200.0), (320.0, 260.0), (30.0, 250.0)))
 
 EBB_DEG: Final = 140.0
-"""Where the current of Scenario 4.3 flows to; the thesis shows it only as a picture."""
+"""Direction to which the current of Scenario 4.3 flows, deg; the thesis shows it only as a picture."""
 SOLENT_TIDE: Final = WavyCurrent(drift_m_s=0.5, towards_deg=235.0, swing_deg=45.0, wavelength_m=800.0)
 """The varied current of Scenario 4.4, which the thesis shows only as a picture."""
 

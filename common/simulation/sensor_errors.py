@@ -13,7 +13,7 @@ import numpy as np
 from common.simulation.motion import Array
 
 Axes = tuple[float, float, float]
-"""Forward and starboard accelerometer (m/s^2), gyro (deg/s); or without unit."""
+"""Forward and starboard accelerometer (m/s^2), gyro (deg/s); or three numbers without unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class Drift:
     """
 
     density: float = 0.0
-    """Unit of the error / sqrt(s)."""
+    """Density of the random walk, unit of the error / sqrt(s)."""
     time_s: float = math.inf
-    """Correlation time."""
+    """Correlation time of the error, s."""
 
     @property
     def sigma(self) -> float:
@@ -84,14 +84,14 @@ class Flaws:
     scale: Axes = (0.0, 0.0, 0.0)
     """1-sigma of the relative error of the IMU's scale factor, drawn once a run."""
     accel_drift: Drift = Drift()
-    """In-run bias of each accelerometer, m/s^2."""
+    """In-run drift of the bias of each accelerometer, m/s^2."""
     gyro_drift_deg: Drift = Drift()
-    """In-run bias of the gyro, deg/s."""
+    """In-run drift of the gyro's bias, deg/s."""
     gps_drift_m: Drift = Drift()
     """Slow error of each GPS axis, beside the white noise of the phase."""
     deviation: Deviation = Deviation()
     gps_latency_s: float = 0.0
-    """A fix stamped t holds the place of t - latency: a delay that nobody declares."""
+    """Undeclared latency of a fix, s: one that is stamped t holds the place of t - latency."""
     compass_latency_s: float = 0.0
 
 

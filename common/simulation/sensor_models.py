@@ -16,7 +16,7 @@ from common.simulation.motion import Array, Truth
 from common.simulation.sensor_errors import NO_FLAWS, Flaws, drift_path
 
 STREAMS: Final = ("gps1", "compass1", "imu1", "gps1 velocity", "start", "imu1 turn-on", "imu1 drift", "gps1 drift")
-"""Who draws random numbers. Append only: a stream's seed depends on its place, never on how many follow."""
+"""Streams of random numbers. Append only: a stream's seed depends on its place, never on how many follow."""
 
 
 def generators(seed: int | np.random.SeedSequence) -> dict[str, np.random.Generator]:
@@ -44,15 +44,18 @@ class SensorErrors:
     gps_east_m: float
     gps_north_m: float
     compass_deg: float
-    """Of each sample."""
+    """1-sigma of each compass sample, deg."""
     accel_density: float
-    """m/s^2/sqrt(Hz): a sample at f Hz has 1-sigma density * sqrt(f). At 1 Hz it is the thesis' number."""
+    """Noise density of the acceleration, m/s^2/sqrt(Hz): a sample at f Hz has 1-sigma density * sqrt(f). At 1 Hz it is
+    the thesis' number."""
     gyro_density_deg: float
-    """deg/s/sqrt(Hz)."""
+    """Noise density of the yaw rate, deg/s/sqrt(Hz)."""
     gps_velocity_m_s: float = 0.1
-    """Each axis; usual for Doppler velocity of a small receiver. The thesis does not use it."""
+    """1-sigma of the GPS velocity on each axis, m/s; usual for Doppler velocity of a small receiver. The thesis does
+    not use it."""
     bias_accel_fwd_m_s2: float = 0.0
-    """Biases default to 0: "removed" (Eq. 3.2, 3.3). `TABLE_5_4_BIAS` of `tables` has the thesis' values."""
+    """Bias of the forward accelerometer, m/s^2. Biases default to 0: "removed" (Eq. 3.2, 3.3). `TABLE_5_4_BIAS` of
+    `tables` has the thesis' values."""
     bias_accel_stb_m_s2: float = 0.0
     bias_yaw_rate_deg_s: float = 0.0
 
@@ -123,9 +126,10 @@ class ImuSamples:
     """What IMUs measured over the n - 1 intervals between the times of a truth."""
 
     values: Array
-    """(runs, n - 1, 3): accel_fwd m/s^2, accel_stb m/s^2, yaw rate deg/s; row k covers what ends at t_s[k + 1]."""
+    """Measured values, (runs, n - 1, 3): accel_fwd m/s^2, accel_stb m/s^2, yaw rate deg/s; row k covers what ends at
+    t_s[k + 1]."""
     turn_on: Array
-    """(runs, 3): the part of the bias that was drawn for the run, same units."""
+    """Part of the bias that was drawn for the run, (runs, 3), in the same units."""
 
 
 def imu_samples(truth: Truth, phases: Sequence[Phase], draws: Draws, flaws: Flaws = NO_FLAWS) -> ImuSamples:

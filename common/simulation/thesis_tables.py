@@ -13,9 +13,9 @@ from common.simulation.sensor_errors import Deviation, Flaws, gauss_markov
 from common.simulation.sensor_models import SensorErrors
 
 TABLE_3_2_COMPASS_DEG: Final = {"tcm2": 1.0, "hmr3000": 0.5, "kvh-c100": 0.5}
-"""Springer's compasses, RMS."""
+"""RMS errors of Springer's compasses, deg."""
 TABLE_3_2_GPS_2D_M: Final = 5.0
-"""Springer's BU-353: "up to 5 m 2D". Read as the RMS distance: 3.5 m for each axis."""
+"""Horizontal error of Springer's BU-353, m: "up to 5 m 2D". Read as the RMS distance: 3.5 m for each axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Margin:
     least_m: float
     greatest_m: float
     is_slow: bool
-    """Ours: wanders over minutes; else new with each fix."""
+    """True = the error wanders over minutes, False = it is new with each fix; this distinction is ours."""
 
 
 TABLE_3_3: Final = (
@@ -52,21 +52,21 @@ TABLE_3_4: Final = SensorErrors(
     gps_east_m=8.0, gps_north_m=7.0, compass_deg=0.5, accel_density=0.004, gyro_density_deg=0.036
 )
 QUIET: Final = replace(TABLE_3_4, gps_east_m=3.0, gps_north_m=2.5)
-"""What Scenarios 4.1 and 4.2 must have used: their raw MSEs of 6 to 10 m^2 rule out the 8 m and 7 m of Table 3.4 that
-the text names, and fit Table 4.1."""
+"""Sensor errors that Scenarios 4.1 and 4.2 must have used: their raw MSEs of 6 to 10 m^2 rule out the 8 m and 7 m of
+Table 3.4 that the text names, and fit Table 4.1."""
 TABLE_4_4: Final = replace(TABLE_3_4, compass_deg=1.0, gyro_density_deg=0.033)
 TABLE_5_4: Final = replace(TABLE_3_4, compass_deg=0.8)
 POOR: Final = replace(TABLE_5_4, gps_east_m=20.0, gps_north_m=20.0, compass_deg=5.0)
-"""Scenario 5.2."""
+"""Sensor errors of Scenario 5.2."""
 TABLE_5_4_BIAS: Final = {"bias_accel_fwd_m_s2": 0.03, "bias_accel_stb_m_s2": 0.02, "bias_yaw_rate_deg_s": 0.28}
-"""For `replace(errors, **TABLE_5_4_BIAS)`; the same in Tables 3.4 and 4.4."""
+"""Biases for `replace(errors, **TABLE_5_4_BIAS)`; the same are in Tables 3.4 and 4.4."""
 
 TABLE_4_1: Final = Assumed(
     gps_east_m=3.0, gps_north_m=2.5, compass_deg=0.5, accel_density=0.0039, gyro_density_deg=0.033
 )
-"""What the filters of chapter 4 are told, with P(1) of Eqs 4.39 and 4.43."""
+"""Tuning of the filters of chapter 4, with P(1) of Eqs 4.39 and 4.43."""
 TABLE_5_3: Final = replace(TABLE_4_1, gps_east_m=6.0, gps_north_m=7.0)
-"""What the filters of chapter 5 are told. No P(1) is printed there: that of chapter 4."""
+"""Tuning of the filters of chapter 5. No P(1) is printed there: that of chapter 4."""
 
 
 def compat(assumed: Assumed) -> Assumed:

@@ -1,4 +1,4 @@
-"""`wayfix-onboard pair|keys|revoke|status|reload|reopen|mark`: what is asked of the running daemon."""
+"""`wayfix-onboard pair|keys|revoke|status|reload|reopen|mark`: the command-line client of the running daemon."""
 
 import argparse
 import json
@@ -16,7 +16,7 @@ ANSWER_S = 15.0
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parsers."""
+    """Add the sub-parsers."""
     pair = _add(commands, "pair", "let one more station connect", _pair)
     pair.add_argument("--command", dest="may_command", action="store_true", help="it may command too, not only read")
     pair.add_argument("--name", help="its name on the allow list (default: the one it has, or station-1, ...)")
@@ -48,7 +48,7 @@ def _pair(arguments: argparse.Namespace) -> int:
         signal.signal(ending, signal.default_int_handler)
     opened = ask(where, "pair", ANSWER_S, **wanted)
     try:
-        # Asked before anybody sees the code: from here on the code ends with this program.
+        # Asked before the code is shown: from here on the code ends with this program.
         with asked(where, "pair-outcome", opened["seconds"] + ANSWER_S) as answer:
             _tell(opened["code"])
             port, seconds = opened["port"], opened["seconds"]
@@ -138,6 +138,6 @@ def _say(text: str) -> None:
 
 
 def _tell(line: str) -> None:
-    """Data on stdout, at once: a script waits for it."""
+    """Print data on stdout, at once: a script waits for it."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()

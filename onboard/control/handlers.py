@@ -1,4 +1,4 @@
-"""What a person may ask of the running daemon, over the link or over the control socket; every one is an event."""
+"""Command handlers of the running daemon, for requests over the link or the control socket; every one is an event."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ MAX_MARK = 200
 
 
 class Commands:
-    """`status`, `reopen SENSOR`, `mark TEXT`."""
+    """The commands `status`, `reopen SENSOR` and `mark TEXT`."""
 
     def __init__(
         self,
@@ -20,7 +20,7 @@ class Commands:
         reopen: Mapping[str, Callable[[], None]],
         journal: Journal,
     ) -> None:
-        """Reopen: by sensor, opens its port anew."""
+        """reopen: for each sensor, the function that opens its port again."""
         self._status = status
         self._reopen = reopen
         self._journal = journal
@@ -52,7 +52,7 @@ class Commands:
         return {"status": status, "reopen": reopen, "mark": mark}
 
     def reopen(self, sensor: str, who: str) -> str:
-        """Open the port of a sensor anew; raises WayfixError."""
+        """Open the port of a sensor again; raises WayfixError."""
         if sensor not in self._reopen:
             raise WayfixError(f"there is no sensor {sensor[:32]!r}", "", f"use one of {', '.join(self._reopen)}")
         self._reopen[sensor]()

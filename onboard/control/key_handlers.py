@@ -1,4 +1,4 @@
-"""What the control socket can ask about keys: pair, pair-outcome, pair-close, keys, revoke, reload."""
+"""Key management handlers of the control socket: pair, pair-outcome, pair-close, keys, revoke, reload."""
 
 import asyncio
 from collections.abc import Callable
@@ -28,7 +28,7 @@ class KeyRequests:
         self._changed = changed
 
     def handlers(self) -> dict[str, Handler | Lasting]:
-        """For `Control`."""
+        """The handlers, for `Control`."""
         return {
             "pair": self._pair,
             "pair-outcome": Lasting(self._pair_outcome, self._call_off),

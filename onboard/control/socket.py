@@ -1,4 +1,4 @@
-"""The daemon's control socket: whoever is root or the daemon's own user asks it on the board itself.
+"""Control socket of the daemon (Unix socket): root and the daemon's own user can ask it on the board itself.
 
 `control.sock` in the runtime directory; one line of JSON asks (`{"do": "status"}`, at most 4 kB), one line answers:
 `{"ok": true, ...}` or `{"ok": false, "what": ..., "where": ..., "cure": ...}`. Several requests may follow each other.
@@ -30,25 +30,25 @@ REQUEST_BYTES: Final = 4_096
 ANSWER_BYTES: Final = 2**20
 MAX_CONNECTIONS: Final = 16
 IDLE_S: Final = 30.0
-"""A connection that asks nothing for so long is closed."""
+"""Time-out of an idle connection, s: one that asks nothing for this long is closed."""
 GONE_S: Final = 0.5
-"""Between two looks whether somebody still waits."""
+"""Interval of the checks whether the client still waits, s."""
 DEFAULT_RUNTIME: Final = Path("/run/wayfix")
-"""RuntimeDirectory= of deploy/wayfix-onboard.service."""
+"""The runtime directory that deploy/wayfix-onboard.service sets with RuntimeDirectory=."""
 _CREDENTIALS: Final = struct.Struct("3i")
 
 
 @dataclass(frozen=True, slots=True)
 class Lasting:
-    """A request that is worth its answer only while somebody waits for it."""
+    """A request whose answer is of use only while its client waits for it."""
 
     handler: Handler
     gone: Callable[[], None]
-    """Called when whoever asked went away before the answer."""
+    """Called when the client went away before the answer."""
 
 
 class Control:
-    """The socket in the daemon's loop. What goes wrong with it is an event, the daemon goes on."""
+    """The socket in the daemon's loop. A fault of the socket is an event, and the daemon goes on."""
 
     def __init__(
         self,
@@ -56,16 +56,16 @@ class Control:
         handlers: Mapping[str, Handler | Lasting],
         journal: Journal,
     ) -> None:
-        """Directory None = no socket."""
+        """directory: where the socket is made; None = no socket."""
         self._file = None if directory is None else directory / NAME
         self._handlers = handlers
         self._journal = journal
         self._connections: set[asyncio.Task[None]] = set()
         self.tried = asyncio.Event()
-        """Set once the socket answers, or cannot."""
+        """Set once the socket answers, or cannot be made."""
 
     async def run(self) -> None:
-        """Answer until cancelled."""
+        """Answer requests until cancelled."""
         server = await self._open()
         self.tried.set()
         try:
@@ -151,7 +151,7 @@ def text_of(fields: Mapping[str, Any], name: str, longest: int = 256) -> str:
 
 
 def runtime_of(given: Path | None, environ: Mapping[str, str]) -> Path:
-    """Where the running daemon's socket is: --runtime, else $RUNTIME_DIRECTORY, else that of the systemd unit."""
+    """Directory of the running daemon's socket: --runtime, else $RUNTIME_DIRECTORY, else that of the systemd unit."""
     named = environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
     return given or (Path(named) if named else DEFAULT_RUNTIME)
 
@@ -182,7 +182,7 @@ def asked(directory: Path, do: str, timeout_s: float = 10.0, **fields: Any) -> I
 
 @contextmanager
 def _in_words(file: Path, timeout_s: float) -> Iterator[None]:
-    """What goes wrong with the daemon's socket as a WayfixError."""
+    """A fault of the daemon's socket as a WayfixError."""
     try:
         yield
     except (ConnectionResetError, BrokenPipeError) as error:
@@ -218,7 +218,7 @@ def _fields_of(answer: bytes, file: Path) -> dict[str, Any]:
 
 
 def _line_from(line: socket.socket) -> bytes:
-    """Up to the newline; empty when there is none."""
+    """The bytes up to the newline; empty when there is none."""
     answer = b""
     while not answer.endswith(b"\n"):
         part = line.recv(65_536)
@@ -244,7 +244,7 @@ def _listener(file: Path) -> socket.socket:
 
 
 def _clear(file: Path) -> None:
-    """Remove what a daemon left behind that was killed; a socket that somebody answers at stays. Raises OSError."""
+    """Remove the socket that a killed daemon left behind; one that still answers stays. Raises OSError."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.settimeout(1.0)
         try:
@@ -260,7 +260,7 @@ def _clear(file: Path) -> None:
 
 
 def _permitted(writer: asyncio.StreamWriter) -> bool:
-    """Root or the daemon's own user; the mode of the file alone is not relied upon."""
+    """Whether the client is root or the daemon's own user; the mode of the file alone is not relied upon."""
     peer = writer.get_extra_info("socket").getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     _, uid, _ = _CREDENTIALS.unpack(peer)
     return uid in (0, os.geteuid())

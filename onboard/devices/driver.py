@@ -18,7 +18,7 @@ class Line:
     """One line of a port, line end removed."""
 
     t_ns: int
-    """Boat time of the chunk that brought the line's first byte."""
+    """Boat time of the chunk that brought the line's first byte, ns."""
     data: bytes
     end_ns: int | None = None
     """Boat time of the chunk that brought the line's end: 0.17 s later at 4800 baud; `None` = as `t_ns`."""
@@ -43,12 +43,12 @@ class Rejected:
 
     reason: str
     sensor: str | None = None
-    """`None` where the line cannot be told to belong to a sensor of the port."""
+    """Sensor that the line counts for; `None` where the line shows no sensor of the port."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ignored:
-    """A well-formed line that nobody asked for (GSV, start-up text, another talker); counted apart from rejects."""
+    """A well-formed line that no sensor needs (GSV, start-up text, another talker); counted apart from rejects."""
 
     kind: str
 
@@ -74,6 +74,6 @@ class Driver(Protocol):
 
         `now_ns` is the time up to which all lines are known (`LineSplitter.complete_until`): a sentence takes 0.17 s
         to arrive at 4800 baud, and while it does the port is not quiet. `heard_ns` is when the last line of the port
-        ended, whoever's it was: another device's sentences may stand between those of one epoch.
+        ended, of any device: another device's sentences may stand between those of one epoch.
         """
         ...

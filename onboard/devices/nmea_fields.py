@@ -36,9 +36,9 @@ class Position:
     lat_deg: float
     lon_deg: float
     text: str
-    """As sent: equal texts = the position was repeated to the digit."""
+    """The fields as they were sent: with equal texts the position was repeated to the digit."""
     step_m: float
-    """Metres of one step of the last latitude digit."""
+    """Length of one step of the last latitude digit, m."""
 
 
 def number(text: str, low: float, high: float) -> float | None:
@@ -54,7 +54,7 @@ def number(text: str, low: float, high: float) -> float | None:
 
 
 def whole_number(text: str, low: int, high: int) -> int | None:
-    """Digits only."""
+    """A whole number: digits only."""
     if not text:
         return None
     if not _DIGITS.fullmatch(text):

@@ -29,9 +29,10 @@ class Form(Generic[Reading_co]):
     most: int
     read: Callable[[Text], Reading_co]
     names: tuple[str, ...] = ()
-    """Of the fields after the address, for a sentence that pynmea2 does not know (a maker's own); it is split here."""
+    """Names of the fields after the address, for a sentence that pynmea2 does not know (a maker's own); it is split
+    here."""
     step: int = 1
-    """Fields come in groups of so many beyond `least`."""
+    """Number of fields in a group; groups come beyond `least`."""
 
 
 # Fields that pynmea2 1.15 (Debian 12) has no name for, by place; `#2` marks what no version names.

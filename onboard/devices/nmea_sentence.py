@@ -1,7 +1,7 @@
 r"""NMEA 0183 framing: address, checksum and tag block of a sentence, before any field is looked at.
 
 `$ttfff,field,...*hh`: talker (two characters), formatter (three), checksum = XOR of all bytes between `$` and `*`.
-AIS sentences begin with `!`. The checksum is required: a sentence without one cannot be told from a damaged one.
+AIS sentences begin with `!`. The checksum is required: without one, a damaged sentence looks like a sound one.
 
 Two things may stand before the `$`: a tag block of IEC 61162-450 (`\s:GP0001,c:1326055296*3C\$GPGGA...`), and bytes
 that are no text. The second is what a receiver that mixes a binary protocol with NMEA sends (the packet has no line end
@@ -23,7 +23,7 @@ _TAG_BLOCK = re.compile(rb"\\[ -\[\]-~]*\\")
 _START = re.compile(rb"[$!](?![$!])")
 _TEXT: Final = bytes((*b"\t", *range(0x20, 0x7F)))
 _PADDING: Final = b" \t\0"
-"""What editors and loggers leave behind a sentence."""
+"""Bytes that editors and loggers leave behind a sentence."""
 _CHECKSUM = re.compile(rb"\*[0-9A-Fa-f]{2}")
 _HALVES: Final = tuple(8 * LONGEST_SENTENCE >> step for step in range(1, 10))
 
@@ -33,11 +33,11 @@ class Sentence:
     """One sentence whose checksum is right; its fields are not judged yet."""
 
     talker: str
-    """Empty for a proprietary sentence."""
+    """Talker, two letters; empty for a proprietary sentence."""
     formatter: str
-    """Empty for a proprietary sentence."""
+    """Formatter, three letters; empty for a proprietary sentence."""
     text: str
-    """The whole of it, `$` to checksum."""
+    """The whole sentence, from `$` to the checksum."""
 
 
 def address(data: bytes) -> tuple[str, str] | None:

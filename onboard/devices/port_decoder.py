@@ -13,7 +13,7 @@ from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
 log = logging.getLogger(__name__)
 
 KEPT: Final = 12
-"""Unclaimed lines kept to tell whose they are."""
+"""Number of unclaimed lines that are kept to find out which device sends them."""
 
 _PRINTABLE = re.compile(rb"[\t -~]*")
 _CHECKSUM_AT_END = re.compile(rb".*\*[0-9A-Fa-f]{2}")
@@ -33,7 +33,7 @@ class PortDecoder:
     def feed(self, line: Line) -> Outcome:
         """What became of the line: every line is accepted, rejected or ignored, never lost. Never raises.
 
-        A fault of ours in a driver is the reason `driver-fault`, told once for each sensor in the log: the other lines
+        A fault of ours in a driver is the reason `driver-fault`, once for each sensor in the log: the other lines
         and ports go on.
         """
         self._heard_ns = line.t_ns if line.end_ns is None else line.end_ns

@@ -17,9 +17,9 @@ class Heard:
     """What sensors made of lines, by sensor id."""
 
     accepted: Counter[str] = field(default_factory=Counter)
-    """Lines."""
+    """Number of accepted lines of each sensor."""
     measured: Counter[str] = field(default_factory=Counter)
-    """Measurements, companions left out."""
+    """Number of measurements of each sensor, companions left out."""
 
     def measure(self, measurements: Iterable[Measurement]) -> None:
         """Count what came of one line, or of a pause."""
@@ -60,7 +60,7 @@ def recognised(lines: Iterable[Line]) -> tuple[str, str] | None:
 
 
 def recognised_by_role(lines: Sequence[Line]) -> dict[str, str]:
-    """For each role of which there are good lines, in the order of `ROLES`, the model that accepts most of them.
+    """The model that accepts most of the lines, for each role with good lines, in the order of `ROLES`.
 
     The first in `MODELS` of equals.
     """

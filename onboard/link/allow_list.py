@@ -25,7 +25,7 @@ class Allowed:
     """One station of the list."""
 
     key: str
-    """Z85."""
+    """Public key of the station, 40 characters of Z85."""
     name: str
     rights: frozenset[str]
 

@@ -18,9 +18,9 @@ log = logging.getLogger(__name__)
 
 ZAP_ENDPOINT: Final = "inproc://zeromq.zap.01"
 SELF_TEST_S: Final = 3.0
-"""Of waiting at most; it takes some 10 ms."""
+"""Longest wait for the self-test, s; it takes some 10 ms."""
 TOLD_EACH_S: Final = 60.0
-"""Refusals are told at most so often: a station that is not on the list tries again for ever."""
+"""Least time between two events of a refusal, s: a station that is not on the list tries again for ever."""
 _AT_ONCE: Final = 64
 """Requests answered in one turn of the loop."""
 _HANDSHAKES: Final = zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH
@@ -39,7 +39,7 @@ class Zap:
         allow_list: AllowList,
         refused: Callable[[str], None] | None = None,
     ) -> None:
-        """Refused: is told the public key of a stranger, at most once a minute."""
+        """Refused: gets the public key of a stranger, at most once a minute."""
         self._context = context
         self._allow_list = allow_list
         self._tell = refused

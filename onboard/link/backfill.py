@@ -18,10 +18,10 @@ from onboard.link.sessions import Session
 from onboard.spool import Batch, Run, Spool
 
 READ_BYTES: Final = 16_384
-"""In one turn: a client with a large window has no more of the bytes than one with a usual window."""
+"""Most bytes read in one turn, so that a client with a large window gets no more of them than the others."""
 
 Send = Callable[[Session, list[bytes]], bool]
-"""False = not now."""
+"""Sends a message of some parts to a client; False = it cannot be sent now."""
 End = Callable[[Session, str], None]
 
 
@@ -42,7 +42,7 @@ class Filling:
         self._woken.set()
 
     async def run(self, sessions: Callable[[], Collection[Session]]) -> None:
-        """Until cancelled."""
+        """Serve all sessions until cancelled."""
         while True:
             await self._woken.wait()
             self._woken.clear()
@@ -123,7 +123,7 @@ class Filling:
         return None
 
     async def _read(self, boot_id: str, first: int, last: int, max_bytes: int) -> Batch:
-        """From the store, when the bytes of this second allow it."""
+        """Read from the store, once the rate limit allows it."""
         now_ns = boottime_ns()
         self._earned += self._bytes_per_s * (now_ns - self._earned_at_ns) / NS_PER_S
         self._earned, self._earned_at_ns = min(self._earned, self._bytes_per_s / 4), now_ns
@@ -135,7 +135,7 @@ class Filling:
 
 
 def _take(place: InOrder, batch: Batch) -> str | None:
-    """Returns why the run cannot go on."""
+    """Put frames into the run; returns why it cannot go on."""
     try:
         for seq, data in batch.frames:
             if seq != place.seq:

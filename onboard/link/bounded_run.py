@@ -1,4 +1,4 @@
-"""A bounded run's place: every frame in order, merged to its period on that period's absolute grid. Pure."""
+"""Position of a bounded run (aggregation): every frame in order, merged to its period on an absolute grid. Pure."""
 
 from collections import deque
 from typing import Any, Final
@@ -10,32 +10,32 @@ from common.link_messages import BoundedRun
 from common.units import NS_PER_S
 
 GATHERED_BYTES: Final = 2 * MAX_FRAME_BYTES
-"""Of the board's frames for one merged frame: together they say the same things once."""
+"""Most bytes of board frames that are gathered for one merged frame, which says the same things once."""
 
 
 class InOrder:
     """Board frames in, frames of the run out (`unsent`: header fields and bytes)."""
 
     def __init__(self, run: BoundedRun, frame_period_ns: int) -> None:
-        """Begins where the client stands. frame_period_ns: of the board's own frames."""
+        """Begin where the client stands. frame_period_ns: period of the board's own frames."""
         period_ns = round(run.period_s * NS_PER_S) if run.period_s is not None else frame_period_ns
         self.asked = run
         self.k = run.k
         self.boot_id, self.seq = run.boot_id, run.seq
-        """The next frame of the board to take."""
+        """The next frame of the board to take: its start of the daemon and its number."""
         self.unsent: deque[tuple[dict[str, Any], bytes]] = deque()
         self._period_ns = 0 if period_ns == frame_period_ns else period_ns
         self._gathered: list[bytes] = []
-        """As they came: decoded they take ten times as much memory."""
+        """Frames of the board as bytes, since decoded ones take ten times as much memory."""
         self._gathered_bytes = 0
 
     @property
     def is_complete(self) -> bool:
-        """All m frames are made."""
+        """True when all m frames are made."""
         return self.asked.m is not None and self.k >= self.asked.m
 
     def take(self, data: bytes) -> None:
-        """The board's next frame; raises CodecError when a merged frame passes the limits of one frame."""
+        """Take the board's next frame; raises CodecError when a merged frame passes the limits of one frame."""
         seq, self.seq = self.seq, self.seq + 1
         if self._period_ns == 0:
             self._made(seq, data)
@@ -51,7 +51,7 @@ class InOrder:
             self._merge()
 
     def next_start(self, boot_id: str) -> None:
-        """The daemon was started anew: what is gathered becomes a shorter frame."""
+        """The daemon was restarted: what is gathered becomes a shorter frame."""
         if self._gathered:
             self._merge()
         self.boot_id, self.seq = boot_id, 0

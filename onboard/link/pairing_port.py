@@ -1,4 +1,4 @@
-"""The board's pairing port: open for two minutes and one client, on request of somebody on the board.
+"""Pairing port (key exchange) of the board: open for two minutes and one client, on request of a person on board.
 
 The exchange itself is `common.pairing.Board`; here are socket, clock and the list that the station is put on.
 """
@@ -20,7 +20,7 @@ from onboard.journal import Journal
 from onboard.link.allow_list import COMMAND, READ, AllowList
 
 MESSAGE_S: Final = 10.0
-"""A client that sends nothing for so long has failed."""
+"""Time-out of one message, s: a client that sends nothing for this long has failed."""
 _ENDPOINT: Final = re.compile(r"tcp://(?P<host>\[.+\]|[^\[\]:]+):(?P<port>\d+)")
 
 
@@ -29,11 +29,11 @@ class Request:
     """What the person on the board asks for."""
 
     port: int | None = None
-    """None = the link's port + 1; 0 = any free one."""
+    """TCP port of the pairing; None = the link's port + 1, 0 = any free one."""
     command: bool = False
-    """The station may command too."""
+    """True = the station may command too."""
     name: str | None = None
-    """On the allow list; None = the one it has, or station-1, station-2, ..."""
+    """Name on the allow list; None = the name that the key has, or station-1, station-2, ..."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +63,9 @@ class _Pairing:
     outcome: asyncio.Future[tuple[bool, str]]
     """Set once: whether a station was put on the list, and a sentence."""
     exchange: asyncio.Task[None] | None = None
-    """Of the one client."""
+    """The running exchange with the one client; None = no client has come."""
     accepted: bool = False
-    """The client has proved that it knows the code: nothing stops the exchange any more."""
+    """True once the client has proved that it knows the code; nothing stops the exchange after that."""
     ends: list[Callable[[], None]] = field(default_factory=list)
 
 
@@ -127,7 +127,7 @@ class PairingPort:
             cure = "give a free port: wayfix-onboard pair --port N, and the same ashore"
             raise WayfixError(f"the pairing port cannot be opened ({error})", self._endpoint, cure) from error
         newest.ends.append(server.close)
-        if newest.outcome.done():  # somebody else asked in the meantime
+        if newest.outcome.done():  # another request came in the meantime
             server.close()
             raise WayfixError("another code was asked for", "pairing", "try again")
         return int(server.sockets[0].getsockname()[1])

@@ -1,4 +1,4 @@
-"""The board's socket: one ROUTER, read in the daemon's loop; a send never waits."""
+"""Message router (ZeroMQ ROUTER) of the board: one socket, read in the daemon's loop; a send never waits."""
 
 import asyncio
 import logging
@@ -14,24 +14,25 @@ log = logging.getLogger(__name__)
 
 SEND_HIGH_WATER_MARK: Final = 64
 SEND_BUFFER_BYTES: Final = 32_768
-"""Small, so that what waits for a slow client waits in the spool and not, unseen, in the kernel."""
+"""Size of the kernel's send buffer, bytes: small, so that data for a slow client waits in the spool, where it is
+seen."""
 RECEIVE_HIGH_WATER_MARK: Final = 64
 LINGER_MS: Final = 500
 READ_AT_ONCE: Final = 64
-"""Messages in one turn of the loop."""
+"""Number of messages that are read in one turn of the loop."""
 PAUSE_S: Final = 0.01
-"""After a full turn: whoever floods the board gets 6,400 messages a second and no more of its time."""
+"""Pause after a full turn, s (rate limit): a flood gets 6,400 messages a second and no more of the board's time."""
 ZAP_DOMAIN: Final = "wayfix"
 
 Receive = Callable[[bytes, str | None, list[bytes]], None]
-"""(routing id, public key of the sender or None on an open board, parts)."""
+"""Called with each message: routing id, public key of the sender (None on an open board), parts."""
 
 
 class Router:
     """Owns socket and context."""
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], secret_key: bytes | None) -> None:
-        """secret_key: Z85; None = open, nothing encrypted and nobody asked."""
+        """secret_key: Z85; None = an open link, which encrypts nothing and asks for no key."""
         self._open = secret_key is None
         self._socket = context.socket(zmq.ROUTER)
         for option, value in (
@@ -44,13 +45,13 @@ class Router:
             (zmq.HEARTBEAT_TIMEOUT, session.HEARTBEAT_TIMEOUT_MS),
             (zmq.HEARTBEAT_TTL, session.HEARTBEAT_TIMEOUT_MS),
             (zmq.HANDSHAKE_IVL, session.HEARTBEAT_TIMEOUT_MS),
-            # Whoever keeps sending and never reads is cut off too: the heartbeat takes any word for a sign of life.
+            # One that keeps sending and never reads is cut off too: the heartbeat takes any word for a sign of life.
             (zmq.TCP_MAXRT, session.HEARTBEAT_TIMEOUT_MS),
         ):
             self._socket.setsockopt(option, value)
         if secret_key is not None:
             self._socket.setsockopt_string(zmq.ZAP_DOMAIN, ZAP_DOMAIN)
-            self._socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without an authenticator nobody is let in
+            self._socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without an authenticator no client is let in
             self._socket.setsockopt(zmq.CURVE_SERVER, 1)
             self._socket.setsockopt(zmq.CURVE_SECRETKEY, secret_key)
         self._receive: Receive | None = None
@@ -81,7 +82,7 @@ class Router:
         except zmq.ZMQError as error:
             return error.errno or zmq.EAGAIN
         finally:
-            # The descriptor tells of a change once: a send may have swallowed the news of a message.
+            # The descriptor signals a change once: a send may have swallowed the signal for a message.
             if (
                 self._receive is not None
                 and not self._scheduled

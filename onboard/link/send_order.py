@@ -20,9 +20,9 @@ from common.link_messages import FrameRange, Lease
 from onboard.spool import Run
 
 FILL_SHARE: Final = 0.5
-"""Of the window, for missing frames."""
+"""Share of the window for missing frames: a new frame always finds room."""
 MAX_GONE: Final = 64
-"""Ranges told in one answer."""
+"""Most ranges that one answer reports as gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +44,16 @@ class SendOrder:
     wanted: deque[FrameRange] = field(default_factory=deque)
     """Missing ranges less what is on its way, oldest first."""
     gone: list[FrameRange] = field(default_factory=list)
-    """Found missing on the board while it read; told with the next answer."""
+    """Ranges found missing on the board while it read; the next answer reports them."""
     _window: int = 0
     _received: int = 0
     """Bytes that arrived on this connection."""
     _base: int = 0
     """Bytes received before its first lease."""
     _sent: int = 0
-    """Bytes sent on it."""
+    """Number of bytes sent on this connection."""
     _on_the_way: deque[tuple[int, str, int]] = field(default_factory=deque)
-    """(bytes sent when it was out, boot_id, seq) of each frame that fills a gap."""
+    """Frames on their way that fill a gap, each as (bytes sent when it was out, boot_id, seq)."""
 
     def renew(self, lease: Lease, *, is_first: bool) -> None:
         """Take a newer lease; the first one on a new connection finds nothing on the way."""

@@ -1,4 +1,4 @@
-"""The board's end of the link: sessions over one ROUTER socket (`common.link_messages`, docs/protocol.md).
+"""Session server of the board's link, over one ROUTER socket (`common.link_messages`, docs/protocol.md).
 
 Every frame goes to the store first. What a client is sent next, and how much, `onboard.link.send_order` decides; the
 client says with each lease what it misses (`onboard.link.sessions`).
@@ -31,20 +31,20 @@ log = logging.getLogger(__name__)
 
 MAX_CLIENTS: Final = 32
 SESSIONS_OF_KEY: Final = 4
-"""One station's key cannot take every place; on an open board nobody has one."""
+"""Most sessions of one key: one station cannot take every place; on an open board no client has a key."""
 NEWS_AT_ONCE: Final = 128
 NEWS_PER_S: Final = 2.0
-"""Events of clients that come and go, and are refused: a client that does nothing else fills no frame."""
+"""Rate limit of events about clients that come, go or are refused, a second: a flood of them fills no frame."""
 COMMANDS_AT_ONCE: Final = 10
 COMMANDS_PER_S: Final = 2.0
-"""Of one key."""
+"""Rate limit of the commands of one key, a second."""
 NOT_LISTED: Final = "this station's key is not on the board's list"
 CURE_PAIR: Final = "pair again: wayfix-onboard pair on the board, then wayfix pair ashore"
 
 Rights = Callable[[str | None], frozenset[str] | None]
 """Public key of a sender -> what it may do: `read`, `command`; None = it is not on the list."""
 Command = Callable[[str, str, str], Awaitable[str]]
-"""(name, argument, who) -> the answer in words; raises WayfixError."""
+"""Called with name, argument and who asks; gives the answer in words, raises WayfixError."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Limits:
 
     clients: int = MAX_CLIENTS
     fill_bytes_per_s: int = 1_000_000
-    """Missing frames and bounded runs of all clients; new frames are not counted."""
+    """Rate limit of missing frames and bounded runs for all clients, bytes/s; new frames are not counted."""
 
 
 class Server:
@@ -93,11 +93,11 @@ class Server:
 
     @property
     def clients(self) -> int:
-        """Sessions at this moment."""
+        """Number of sessions at this moment."""
         return len(self._sessions)
 
     def bind(self, address: str) -> str:
-        """See Router.bind."""
+        """Bind the socket, see `Router.bind`."""
         return self._router.bind(address)
 
     async def run(self) -> None:
@@ -315,7 +315,7 @@ class Server:
 
 
 async def _until(true: Callable[[], bool], deadline_s: float) -> None:
-    """Wait for it, no longer than the deadline."""
+    """Wait for the awaitable, no longer than the deadline."""
     steps = 50
     for _ in range(steps):
         if true():
@@ -324,5 +324,5 @@ async def _until(true: Callable[[], bool], deadline_s: float) -> None:
 
 
 def _printable(text: object) -> str:
-    """For events: 32 characters of it; nothing of what is no text."""
+    """The text for an event: its first 32 printable characters; empty for what is no text."""
     return "".join(filter(str.isprintable, text))[:32] if isinstance(text, str) else ""

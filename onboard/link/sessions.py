@@ -15,7 +15,7 @@ LEASE_NS: Final = int(LEASE_S * NS_PER_S)
 
 
 class Pace:
-    """So many at once, then so many a second: for what a client causes that stays, events and work."""
+    """Token bucket, for events and work that a client causes: so many at once, then so many a second."""
 
     def __init__(self, at_once: int, per_s: float) -> None:
         self._at_once = at_once
@@ -45,7 +45,7 @@ class Session:
     """Routing id of the connection that brought the newest lease; None = it broke."""
     order: SendOrder = field(default_factory=SendOrder)
     in_order: InOrder | None = None
-    """The place of a bounded run."""
+    """Position of a bounded run; None = the client has asked for none."""
     is_ended: bool = False
     """`end` is sent: the client is not served any more, unless it comes back over a new connection."""
 

@@ -1,1 +1,1 @@
-"""Serial ports in, frames out: what arrives, when it was measured, and how each sensor delivers."""
+"""Data acquisition: serial ports in, frames out; what arrives, when it was measured, and how each sensor delivers."""

@@ -1,4 +1,4 @@
-"""From bytes to frames, pure: the daemon feeds it from ports by its clock, `convert` from files on sentence time.
+"""Acquisition pipeline, from bytes to frames: the daemon feeds it from ports, `convert` from files. Pure.
 
 port chunk -> lines -> devices -> framer --tick--> frame
                           |
@@ -39,7 +39,7 @@ class Acquisition:
     def __init__(
         self, config: BoatConfig, identity: Identity, t0_ns: int, now_ns: int, tell: Callable[[Event], None]
     ) -> None:
-        """t0_ns: start of the first frame; tell: where every event goes beside the frame."""
+        """t0_ns: start of the first frame; tell: takes every event, beside the frame."""
         self.config = config
         self.identity = identity
         self.framer = Framer(identity, [sensor.id for sensor in config.with_role("imu")], t0_ns)
@@ -71,7 +71,7 @@ class Acquisition:
         self.framer.add(measurement)
 
     def happened(self, happening: Event) -> None:
-        """Every event is a record in the frame, and is told."""
+        """Put the event into the frame as a record, and report it."""
         self._tell(happening)
         self.framer.add(happening)
 

@@ -1,16 +1,16 @@
-"""Byte budget of one port: what keeps a babbling device from taking the daemon with it.
+"""Token bucket of one port: a rate limit of its bytes, so that a babbling device does not take the daemon with it.
 
-A bucket that refills at the budget's rate and holds one second of it, so that a whole GPS epoch may come as one burst.
+The bucket refills at the budget's rate and holds one second of it, so that a whole GPS epoch may come as one burst.
 """
 
 from common.units import NS_PER_S
 
 _BURST_S = 1.0
 _LEAST_BURST_BYTES = 4096
-"""One full read: a chunk gathered while the board was busy is not a flood."""
+"""Least size of the bucket, bytes: one full read, since a chunk gathered while the board was busy is no flood."""
 _CALM_SHARE = 0.75
 _GRANT_BYTES = 1024
-"""An empty bucket gives nothing until it holds so much: in single bytes no line would ever come through whole."""
+"""Bytes that an empty bucket gathers before it gives any: in single bytes no line would ever come through whole."""
 
 
 class ByteBudget:

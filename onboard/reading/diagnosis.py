@@ -1,4 +1,4 @@
-"""Diagnosis in words: why a sensor does not deliver, from counts and times. Pure functions that make sentences."""
+"""Fault diagnosis in words: why a sensor does not deliver, from counts and times. Pure functions, each a sentence."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Final
 from common.units import NS_PER_S
 
 QUIET_NS: Final = 30 * NS_PER_S
-"""After this an event sensor's reason says for how long it has been quiet."""
+"""Silence after which an event sensor's reason says for how long it has been quiet, ns."""
 SHORTEST_SILENT_BYTES: Final = 512
 """Fewer bytes without a line end may be the beginning of a line."""
 
@@ -17,15 +17,15 @@ class Instead:
     """What a port brought while no good line of one of its sensors came."""
 
     size: int
-    """Bytes."""
+    """Number of bytes that came."""
     readable: int
-    """Lines that came whole, of any sensor, usable or not."""
+    """Number of lines that came whole, of any sensor, usable or not."""
     rejected: Counter[str]
-    """Bad lines that count for this sensor, by reason."""
+    """Number of bad lines that count for this sensor, by reason."""
     flooded: bool
-    """The port is over its byte budget."""
+    """True when the port is over its byte budget."""
     hint: str | None
-    """Whose lines they are, in words, where that is known."""
+    """Whose lines they are, in words; `None` = not known."""
 
 
 def instead_of_its_lines(came: Instead) -> str:

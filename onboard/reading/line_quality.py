@@ -1,4 +1,4 @@
-"""What one port's bytes were like, and when a notable share of its lines comes damaged. Pure."""
+"""Line error rate of one port, with hysteresis: when a notable share of its lines comes damaged. Pure."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -8,7 +8,8 @@ from common.units import NS_PER_S
 
 WINDOW_NS: Final = 10 * NS_PER_S
 CONFIRM_NS: Final = 4 * NS_PER_S
-"""Longer than the shortest silence limit: where no good line comes any more, the silence is told and not the damage."""
+"""Time that damage must last, ns, longer than the shortest silence limit: where no good line comes, the silence is
+reported and not the damage."""
 BAD_SHARE: Final = 0.2
 CLEAN_SHARE: Final = 0.05
 LEAST_BAD: Final = 5
@@ -16,30 +17,30 @@ LEAST_BAD: Final = 5
 
 @dataclass(slots=True)
 class Wire:
-    """What one port's bytes were like since start, whoever they were for. Shared by the sensors of the port."""
+    """What one port's bytes were like since start, whichever sensor sent them. Shared by the sensors of the port."""
 
     heard_bytes: int = 0
     discarded_bytes: int = 0
-    """Over the byte budget."""
+    """Number of bytes over the byte budget."""
     readable: int = 0
-    """Lines that came whole, of any sensor, usable or not."""
+    """Number of lines that came whole, of any sensor, usable or not."""
     damaged: int = 0
-    """Lines that came damaged (checksum, no text, cut, too long)."""
+    """Number of lines that came damaged (checksum, no text, cut, too long)."""
     flooded: bool = False
     damage: str | None = None
-    """In words, while a notable share of the lines is damaged."""
+    """Description of the damage while a notable share of the lines is damaged; `None` = it is not."""
 
 
 class DamageWatch:
     """Says when more than one line in five of a port comes damaged, and when that is over (hysteresis)."""
 
     def __init__(self, wire: Wire, periodic: bool) -> None:
-        """Periodic: a silence of the port would be told by its sensors."""
+        """periodic: the sensors of the port would report its silence."""
         self._wire = wire
         self._periodic = periodic
         self._marks: deque[tuple[int, int, int]] = deque()
         self._since: tuple[int, int, int] | None = None
-        """From when the damage has to last to be told: time, readable and damaged lines until then."""
+        """Mark from which the damage has to last to be reported: time (ns), readable and damaged lines until then."""
         self._told = False
 
     def reset(self) -> None:
@@ -48,7 +49,7 @@ class DamageWatch:
         self._since, self._told, self._wire.damage = None, False, None
 
     def look(self, now_ns: int) -> tuple[str, int, int] | None:
-        """At each tick: the code of an event that is due now, the damaged and all lines of the window."""
+        """Step at each tick: the code of an event that is due now, the damaged and all lines of the window."""
         if self._marks and now_ns - self._marks[-1][0] < NS_PER_S:
             return None
         wire = self._wire
@@ -69,7 +70,7 @@ class DamageWatch:
             self._since = None
             return None
         if self._since is None:
-            # Where no good line comes at all the silence is told; what lay in it is no damage of the lines after it.
+            # Where no good line comes at all the silence is reported; it is no damage of the lines after it.
             self._since = self._marks[-1] if has_more or not self._periodic else None
             return None
         since_ns, readable_then, damaged_then = self._since

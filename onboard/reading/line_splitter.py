@@ -1,4 +1,4 @@
-"""Bytes of one port in, lines out.
+"""Line framing with resynchronisation: the bytes of one port in, lines out.
 
 A line ends at LF or CR; CR LF counts once because empty lines are silent (some compasses send CR alone).
 Its time is that of the chunk that held its first byte. No more than `LONGEST_LINE` bytes are ever held: what is longer
@@ -14,12 +14,12 @@ from common.units import NS_PER_MS
 from onboard.devices.driver import Line
 
 LONGEST_LINE: Final = 512
-"""Bytes: six times the NMEA limit, so that the long lines of radars and IMUs pass."""
+"""Most bytes of one line: six times the NMEA limit, so that the long lines of radars and IMUs pass."""
 SLOWEST_LINE_NS: Final = 1_100 * NS_PER_MS
-"""What `LONGEST_LINE` takes at 4800 baud: a partial line older than this is no line in progress."""
+"""Time that `LONGEST_LINE` takes at 4800 baud, ns: a partial line older than this is no line in progress."""
 
 _LINE_START: Final = b"$!%\\"
-"""Sentences, KVH's own lines, tag blocks."""
+"""First bytes of sentences, of KVH's own lines and of tag blocks."""
 
 
 class LineSplitter:
@@ -30,11 +30,11 @@ class LineSplitter:
 
     def __init__(self) -> None:
         self.lines = 0
-        """Lines given out."""
+        """Number of lines given out."""
         self.overflows = 0
-        """Lines thrown away for their length."""
+        """Number of lines thrown away for their length."""
         self.discarded_bytes = 0
-        """Bytes of lines too long or cut, line ends not counted."""
+        """Number of bytes in lines too long or cut, line ends not counted."""
         self._pending = bytearray()
         self._t_ns = 0
         self._resync = False
@@ -42,7 +42,7 @@ class LineSplitter:
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes of the line in progress."""
+        """Number of bytes in the line in progress."""
         return len(self._pending)
 
     def feed(self, data: bytes, t_ns: int) -> list[Line]:
@@ -66,7 +66,7 @@ class LineSplitter:
         self._resync = True
 
     def reset(self) -> None:
-        """The port was opened anew: as `note_cut`, unless the first byte to come is the start of a sentence."""
+        """The port was opened again: as `note_cut`, unless the first byte to come is the start of a sentence."""
         self.note_cut()
         self._fresh = True
 

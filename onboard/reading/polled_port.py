@@ -1,4 +1,4 @@
-"""A serial port with its pipeline: the shell that feeds a pure `PortChain` by the boat clock."""
+"""Polling shell of a serial port: it feeds a pure `PortChain` by the boat clock."""
 
 from common.clock import BoatClock
 from onboard.reading.port_chain import PortChain
@@ -14,7 +14,7 @@ class PolledPort:
         self._clock = clock
 
     def tick(self, now_ns: int) -> None:
-        """What is due by the clock; a port whose sensors are all silent is opened once more."""
+        """Do what is due by the clock; a port whose sensors are all silent is opened once more."""
         self.chain.flush(now_ns)
         if self.chain.silent(now_ns):
             self.reopen()

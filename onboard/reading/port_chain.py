@@ -27,7 +27,7 @@ from onboard.reading.sensor_health import SensorMonitor
 DAMAGE: Final = frozenset(
     {"checksum", "not-ascii", "not-nmea", "no-checksum", "run-together", "too-long", "marks", "duplicate", "form"}
 )
-"""Reasons that blame the wire; the others blame what the device says."""
+"""Reasons of rejection that blame the wire; the others blame the device."""
 
 
 @dataclass(slots=True)
@@ -35,14 +35,14 @@ class Tally:
     """What became of every line of a port."""
 
     accepted: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """By (sensor, kind)."""
+    """Number of accepted lines, by (sensor, kind)."""
     rejected: Counter[str] = field(default_factory=Counter)
-    """By reason."""
+    """Number of rejected lines, by reason."""
     ignored: Counter[str] = field(default_factory=Counter)
-    """By kind: well-formed lines that no sensor of the port needs."""
+    """Number of ignored lines, by kind: they are well-formed, but no sensor of the port needs them."""
 
     def count(self, outcome: Outcome) -> None:
-        """One line."""
+        """Count one line."""
         match outcome:
             case Accepted():
                 self.accepted[outcome.sensor, outcome.kind] += 1
@@ -53,19 +53,19 @@ class Tally:
 
     @property
     def lines(self) -> int:
-        """All lines so far."""
+        """Number of all lines so far."""
         return self.accepted.total() + self.rejected.total() + self.ignored.total()
 
 
 class Sink(Protocol):
-    """Where a port's measurements and events go."""
+    """Receiver of a port's measurements and events."""
 
     def take(self, measurement: Measurement, now_ns: int) -> None:
-        """A measurement that became known at `now_ns`."""
+        """Take a measurement that became known at `now_ns`."""
         ...
 
     def happened(self, happening: Event) -> None:
-        """Something about the port or its lines."""
+        """Take an event about the port or its lines."""
         ...
 
 
@@ -75,7 +75,7 @@ class PortChain:
     def __init__(
         self, table: PortTable, budget: ByteBudget, monitors: Iterable[SensorMonitor], wire: Wire, sink: Sink
     ) -> None:
-        """Monitors: of the port's sensors, in the order of the configuration file; wire: shared with them."""
+        """monitors: those of the port's sensors, in the order of the configuration file; wire: shared with them."""
         self.table = table
         self.monitors = {monitor.table.id: monitor for monitor in monitors}
         self.wire = wire
@@ -90,7 +90,7 @@ class PortChain:
         self._state = "new"
 
     def chunk(self, data: bytes, t_ns: int) -> None:
-        """Bytes as read, stamped once."""
+        """Take bytes as read, stamped once."""
         self.wire.heard_bytes += len(data)
         allowed = self._budget.take(len(data), t_ns)
         for line in self.splitter.feed(data[:allowed], t_ns):

@@ -1,4 +1,4 @@
-"""Serial ports: the only importer of pyserial. Opens, reads, stamps once per chunk, reopens with back-off.
+"""Serial port I/O, the only importer of pyserial: opens, reads, stamps once per chunk, reopens with backoff.
 
     opening --ok--> open --EOF or error--> lost --0.25 s, doubling to 2 s--> opening
 
@@ -122,7 +122,7 @@ class Port:
             self._close()
 
     def reopen(self) -> None:
-        """Close and open a silent port again. No change is told: only a failure to open it would be one."""
+        """Close and open a silent port again. No change is reported: only a failure to open it would be one."""
         if self._device is not None:
             log.debug("%s is silent: %s is opened anew", self.table.name, self.table.path)
             self._stop_reading()
@@ -175,7 +175,7 @@ class Port:
     def _close(self) -> None:
         device, self._device = self._device, None
         if device is not None:
-            _share(device, alone=False)  # or we could not open it again while somebody else has it open
+            _share(device, alone=False)  # or we could not open it again while another program has it open
             with contextlib.suppress(*OPEN_ERRORS):
                 device.close()
 
@@ -187,12 +187,12 @@ class Port:
 
 def _hung_up(descriptor: int) -> bool:
     watch = select.poll()
-    watch.register(descriptor, 0)  # POLLHUP and POLLERR are always told
+    watch.register(descriptor, 0)  # POLLHUP and POLLERR are always reported
     return bool(watch.poll(0))
 
 
 def _in_thread(call: Callable[[], Any]) -> "asyncio.Future[Any]":
-    """Run a call that may hang in a driver in a thread of its own, which nobody waits for at the daemon's end."""
+    """Run a call that may hang in a driver in a thread of its own, for which the daemon's end does not wait."""
     loop = asyncio.get_running_loop()
     future: asyncio.Future[Any] = loop.create_future()
 
@@ -208,7 +208,7 @@ def _in_thread(call: Callable[[], Any]) -> "asyncio.Future[Any]":
         result, failure = None, None
         try:
             result = call()
-        except BaseException as error:  # handed to whoever waits
+        except BaseException as error:  # handed to the waiting task
             failure = error
         with contextlib.suppress(RuntimeError):  # the loop is closed: the daemon has ended meanwhile
             loop.call_soon_threadsafe(deliver, result, failure)

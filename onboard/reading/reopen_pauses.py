@@ -9,7 +9,7 @@ from typing import Final
 from common.units import NS_PER_S
 
 LONGEST_NS: Final = 60 * NS_PER_S
-"""A pause grows no further, unless the sensor's own limit is longer."""
+"""Longest pause, ns, unless the sensor's own limit is longer."""
 _DOUBLINGS: Final = 8
 
 

@@ -1,4 +1,4 @@
-"""How often a sensor speaks: a moving average of its measurements, and the learned period of its lines. Pure."""
+"""Rate and period of a sensor's lines: a moving average of measurements, and the learned period. Pure."""
 
 from collections import deque
 from typing import Final
@@ -8,22 +8,22 @@ from common.units import NS_PER_S
 REPORT_NS: Final = NS_PER_S
 RATE_WINDOW_REPORTS: Final = 5
 BEAT_NS: Final = 3 * NS_PER_S // 5
-"""Lines closer together than this are one beat: five of them are within the least limit of 3 s."""
+"""Lines closer together than this are one beat, ns: five of them are within the least limit of 3 s."""
 _BEATS: Final = 8
 _LONGEST_PERIOD_NS: Final = 60 * NS_PER_S
-"""A longer gap is an outage and no period, unless the configuration says so."""
+"""Longest period, ns: a longer gap is an outage, unless the configuration says so."""
 
 
 class Rate:
-    """Measurements a second over the last reports."""
+    """Rate of measurements over the last reports, Hz."""
 
     def __init__(self, started_ns: int) -> None:
         self._count = 0
         self._marks = deque([(started_ns, 0)], maxlen=RATE_WINDOW_REPORTS + 1)
-        """(time, measurements until then) of the last reports."""
+        """Time (ns) and number of measurements until then, at each of the last reports."""
 
     def count(self, measurements: int = 1) -> None:
-        """So many more were made."""
+        """Count some more measurements."""
         self._count += measurements
 
     def report_hz(self, now_ns: int) -> float:
@@ -44,7 +44,7 @@ class Rhythm:
         self._last_ns: int | None = None
 
     def line(self, t_ns: int) -> None:
-        """A good line came."""
+        """Take the time of a good line."""
         last_ns = self._last_ns
         if last_ns is not None and 0 <= t_ns - last_ns < BEAT_NS:
             return
@@ -54,13 +54,13 @@ class Rhythm:
         self._last_ns = t_ns
 
     def forget(self) -> None:
-        """What comes from here on may be another device."""
+        """Forget the period: what comes from here on may be another device."""
         self._beats.clear()
         self._last_ns = None
 
     @property
     def period_ns(self) -> int | None:
-        """Mean distance of the beats; `None` before the second."""
+        """Mean distance of the beats, ns; `None` before the second."""
         if len(self._beats) < 2:
             return None
         return (self._beats[-1] - self._beats[0]) // (len(self._beats) - 1)

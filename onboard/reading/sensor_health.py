@@ -15,10 +15,10 @@ from common.events import event
 from common.messages import Event, SensorHealth
 from common.units import NS_PER_S
 from onboard.reading import diagnosis as words
-from onboard.reading.delivery import PERIODS, SHOWN, Delivery, State
 from onboard.reading.line_quality import Wire
 from onboard.reading.reopen_pauses import ReopenPauses
 from onboard.reading.rhythm import BEAT_NS, REPORT_NS, Rate
+from onboard.reading.silence_watchdog import PERIODS, SHOWN, Delivery, State
 
 HINT_NS: Final = 10 * NS_PER_S
 MAX_REASON: Final = 256
@@ -40,11 +40,11 @@ class SinceGood:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Number of bytes."""
         return self._wire.heard_bytes - self._size
 
     def instead(self, hint: str | None) -> words.Instead:
-        """All of it, for a sentence; hint: whose lines they are, in words."""
+        """All that came, for a sentence; hint: whose lines they are, in words."""
         readable = self._wire.readable - self._readable
         return words.Instead(self.size, readable, self._rejected - self._rejected_then, self._wire.flooded, hint)
 
@@ -53,13 +53,13 @@ class SensorMonitor:
     """One sensor. Event sensors (AIS, radar) are delivering as long as their port is open."""
 
     def __init__(self, table: SensorTable, started_ns: int, wire: Wire | None = None) -> None:
-        """Wire: of the sensor's port."""
+        """wire: the byte counts of the sensor's port."""
         self.table = table
         self.wire = Wire() if wire is None else wire
         self.rejected: Counter[str] = Counter()
         self.accepted = 0
         self.hint: str | None = None
-        """Whose lines come instead of this sensor's, in words (`PortChain`)."""
+        """Which device sends the lines that come instead of this sensor's, in words (`PortChain`)."""
         self.periodic = ROLES[table.role].periodic
         stale_ns = int(min(stale_after_s(table.role, table.rate_hz), 1e9) * NS_PER_S)
         self._delivery = Delivery(self.periodic, stale_ns, started_ns)
@@ -67,11 +67,11 @@ class SensorMonitor:
         self._since_good = SinceGood(self.wire, self.rejected)
         self._rate = Rate(started_ns)
         self._accepted_then = 0
-        """Good lines until the last report."""
+        """Number of good lines at the last report."""
         self._hint_ns = started_ns
         self._port_reason = "not opened yet"
         self._shown: str | None = None
-        """As reported last."""
+        """State in the last report; `None` before the first."""
         self._reported_ns = 0
 
     def accept(self, t_ns: int, measured: bool) -> None:

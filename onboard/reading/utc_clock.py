@@ -1,7 +1,7 @@
-"""Boat clock -> UTC from GNSS pairs.
+"""Clock synchronisation from GNSS pairs (lower envelope filter): boat time to UTC.
 
 A sentence always arrives late, never early, so the smallest (arrival - UTC) of the last minute is the best offset
-(lower envelope). UTC that disagrees for three pairs in a row is a step: `epoch` + 1, start anew. One or two are a
+(lower envelope). UTC that disagrees for three pairs in a row is a step: `epoch` + 1, start again. One or two are a
 damaged date, a receiver just woken, or a board that was busy; they are left out. A leap second is a step of -1 s: POSIX
 time has no name for it.
 
@@ -22,35 +22,39 @@ from onboard.devices.gps.dates import TOLD_AFTER
 
 WINDOW_NS: Final = 60 * NS_PER_S
 LATE_NS: Final = 750 * NS_PER_MS
-"""A pair may come so much later than the quickest one: what stands before it in the burst changes, boards are busy."""
+"""Most that a pair may come later than the quickest one, ns: what stands before it in the burst changes, boards are
+busy."""
 EARLY_NS: Final = 500 * NS_PER_MS
-"""... and so much earlier; a minute's quickest pair is seldom beaten by much. Both stay below a leap second."""
+"""Most that a pair may come earlier than the quickest one, ns: a minute's quickest pair is seldom beaten by much. Both
+limits are below a leap second."""
 UNCERTAINTY_NS: Final = 100 * NS_PER_MS
-"""Spread of NMEA latency without PPS that no envelope can see (1-sigma)."""
+"""Spread of NMEA latency without PPS that no envelope can see, 1-sigma, ns."""
 DRIFT_PER_S: Final = 50e-6
-"""A board's crystal, seconds a second."""
+"""Largest drift of a board's crystal, s/s."""
 BELIEVED: Final = 3
-"""Pairs in a row, of one receiver and agreeing with each other, that make a step."""
+"""Number of pairs in a row, of one receiver and agreeing with each other, that make a step."""
 FIRST_BELIEVED: Final = 2
-"""The same for the first mapping: a receiver's first date may be its default one."""
+"""Number of pairs in a row that make the first mapping: a receiver's first date may be its default one."""
 HELD_NS: Final = 10 * NS_PER_S
 """So long after it agreed a receiver holds the mapping against others."""
 _AGREE_NS: Final = NS_PER_S // 2
-"""Less than a second: the epochs that waited in a busy board share one arrival, and differ by a second each."""
+"""Largest disagreement of pairs that agree, ns, below 1 s: the epochs that waited in a busy board share one arrival,
+and differ by a second each."""
 _AT_ONCE_NS: Final = 20 * NS_PER_MS
-"""Pairs that arrived together waited; only the last of them tells the time. No receiver has over 20 epochs a second."""
+"""Pairs that arrive within this waited together, ns; only the last shows the time. No receiver has over 20 epochs a
+second."""
 
 
 @dataclass(slots=True)
 class _Receiver:
-    """What one receiver says beside the mapping."""
+    """State of one receiver beside the mapping."""
 
     doubted: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=BELIEVED))
-    """(time, offset) of pairs in a row that disagree with the mapping and agree with each other."""
+    """Time and offset (ns) of pairs in a row that disagree with the mapping and agree with each other."""
     against: int = 0
-    """Pairs in a row that disagree with the mapping."""
+    """Number of pairs in a row that disagree with the mapping."""
     agreed_ns: int | None = None
-    """When it last agreed."""
+    """Boat time when the receiver last agreed, ns; `None` = never."""
     is_told: bool = False
 
     def doubt(self, t_ns: int, offset: int) -> None:
@@ -70,11 +74,12 @@ class ClockMap:
     """Pairs in, UTC of any boat time out."""
 
     def __init__(self, tell: Callable[[Event], None] = lambda _: None) -> None:
-        """tell: where it goes that receivers disagree."""
+        """tell: takes the event of receivers that disagree."""
         self.epoch = 0
         self._tell = tell
         self._envelope: deque[tuple[int, int]] = deque()
-        """(time, offset) that may still become the smallest of the window: offsets grow, the last is the newest."""
+        """Time and offset (ns) of the pairs that may still become the smallest of the window: offsets grow, the last is
+        the newest."""
         self._newest_ns = 0
         self._receivers: dict[str, _Receiver] = {}
 
@@ -100,7 +105,7 @@ class ClockMap:
         return self._start_anew(pair)
 
     def _agrees(self, t_ns: int, offset: int) -> bool:
-        """The boat clock may have drifted since the last pair."""
+        """Whether the offset agrees; the boat clock may have drifted since the last pair."""
         drift_ns = DRIFT_PER_S * max(0, t_ns - self._newest_ns)
         return -EARLY_NS - drift_ns <= offset - self._envelope[0][1] <= LATE_NS + drift_ns
 
@@ -116,7 +121,7 @@ class ClockMap:
         )
 
     def _start_anew(self, pair: ClockPair) -> float | None:
-        """The mapping of what this receiver says; returns the step from the former one, if there was one."""
+        """Begin the mapping again with what this receiver says; returns the step from the former one, if any."""
         receiver = self._receivers[pair.sensor]
         step_s = None
         if self._envelope:
@@ -138,7 +143,7 @@ class ClockMap:
         self._newest_ns = t_ns
 
     def at(self, t_ns: int) -> Utc:
-        """UTC of boat time `t_ns`, its doubt growing while no pair comes; None before the mapping exists."""
+        """UTC of boat time `t_ns`, its sigma growing while no pair comes; None before the mapping exists."""
         if not self._envelope:
             return Utc(None, None, "none")
         drift_ns = round(DRIFT_PER_S * max(0, t_ns - self._newest_ns - WINDOW_NS))

@@ -12,15 +12,15 @@ from onboard.devices.nmea_sentence import address, check_sentence
 TIME_FIELD: Final = {"RMC": 1, "GGA": 1, "GNS": 1, "ZDA": 1, "GLL": 5}
 """Sentences with a UTC time of day, and which field after the address it is."""
 UNTIMED: Final = frozenset({"VTG", "GSA", "GSV", "GST", "GBS", "GRS", "DTM"})
-"""What a receiver sends along; the time that some of them carry is not needed."""
+"""Formatters that a receiver sends along; the time that some of them carry is not needed."""
 _NO_FIX: Final = {"RMC": (2, "V"), "GGA": (6, "0"), "GLL": (6, "V")}
 """Which field of a sentence says that there is no fix, and how."""
 
 BRIDGE_LINES: Final = 12
-"""So many lines of other devices at most lie inside a burst."""
+"""Most lines of other devices that lie inside a burst."""
 TOGETHER: Final = 2
-"""So often may another device's sentence come inside a burst: `MWV` comes relative and true. A third means that time
-has passed (a 10 Hz compass): the receiver has paused itself."""
+"""Most times that another device's sentence comes inside a burst: `MWV` comes relative and true. A third means that
+time has passed (a 10 Hz compass): the receiver has paused itself."""
 
 
 @dataclass(slots=True)
@@ -30,9 +30,9 @@ class Burst:
     first: int
     last: int
     tod_ms: int | None = None
-    """UTC time of day in milliseconds; `None` = no time in it (cold start)."""
+    """UTC time of day, ms; `None` = no time in it (cold start)."""
     void: bool = False
-    """The receiver said that it has no fix."""
+    """True when the receiver said that it has no fix."""
     _keys: set[tuple[str, str]] = field(default_factory=set)
     _since_timed: set[tuple[str, str]] = field(default_factory=set)
 
@@ -60,9 +60,9 @@ class ReceiverLine(NamedTuple):
     """A receiver's sentence with a right checksum."""
 
     key: tuple[str, str]
-    """Talker and formatter."""
+    """Address of the sentence: talker and formatter."""
     timed: bool
-    """Of a kind that carries a time, filled in or not."""
+    """True for a kind of sentence that carries a time, filled in or not."""
     tod_ms: int | None
     void: bool
 

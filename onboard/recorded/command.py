@@ -10,7 +10,7 @@ from common.command import number, say_json
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parser."""
+    """Add the sub-parser."""
     parser = commands.add_parser("convert", help="a recording into a frames file", description=_convert.__doc__)
     parser.add_argument("recording", metavar="IN", type=Path, help="raw recording of a serial port (NMEA and others)")
     parser.add_argument("out", metavar="OUT", type=Path, help="frames file to write (docs/frames-file.md)")

@@ -31,10 +31,10 @@ from onboard.recorded.recording import BAUDS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 
 EMPTY_NS: Final = 60 * NS_PER_S
-"""So long a silence is told in empty frames, with the health that goes with it; after that the grid has a hole, as when
-the board sleeps."""
+"""Longest silence that becomes empty frames, with the health that goes with it, ns; after that the grid has a hole, as
+when the board sleeps."""
 AFTER_NS: Final = 2 * NS_PER_S
-"""The frames go on so long after the last line: its epoch is closed, and health counts it."""
+"""Time for which the frames go on after the last line, ns: its epoch is closed, and health counts it."""
 PROGRESS_LINES: Final = 200_000
 PORT: Final = "recorded"
 
@@ -45,7 +45,7 @@ class Summary:
 
     tally: Tally
     too_long: int
-    """Lines of more than 512 bytes, which the daemon throws away."""
+    """Number of lines of more than 512 bytes, which the daemon throws away."""
     t0_ns: int
     t1_ns: int
 
@@ -128,7 +128,7 @@ class Conversion:
 
 
 def identity_of(paced: Paced, config: BoatConfig) -> Identity:
-    """Of the recording, its pace and the configuration: nothing random, nothing of this machine."""
+    """Identity from the recording, its pace and the configuration: nothing random, nothing of this machine."""
     facts = json.dumps([as_dict(config), paced.baud, paced.starts_ns[-1]], sort_keys=True)
     digest = hashlib.sha256(f"{paced.recording.digest} {facts}".encode()).hexdigest()
     return Identity(config.boat.id, digest[:16], digest[16:48], 1)

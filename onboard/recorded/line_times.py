@@ -26,12 +26,12 @@ from onboard.devices.nmea_fields import DAY_MS
 from onboard.recorded.bursts import Burst, bursts
 
 LONGEST_STEP_MS: Final = 10_000
-"""A longer step between two anchors (and than five ordinary ones) is a gap or a wrong time."""
+"""Longest step between two anchors, ms: a longer one (and longer than five ordinary ones) is a gap or a wrong time."""
 REACH: Final = 5
-"""So many wrong times in a row are recognised."""
+"""Most wrong times in a row that are recognised."""
 DEFAULT_STEP_MS: Final = 1_000
 BITS_PER_BYTE: Final = 10
-"""8N1."""
+"""Bits on the wire for each byte, 8N1: a start bit, eight data bits and a stop bit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Schedule:
     """When the lines of a recording were sent."""
 
     at_ns: list[int]
-    """For each line, nanoseconds after the first one; never decreasing."""
+    """Time of each line after the first one, ns; never decreasing."""
     first_tod_ms: int | None = None
     """UTC time of day of the first line; `None` = no time can be found in the recording, and `at_ns` is all 0."""
     gaps: tuple[RecordingGap, ...] = ()
@@ -179,7 +179,7 @@ class _Steps:
 
 
 def tod_step_ms(before_ms: int, after_ms: int) -> int:
-    """From one time of day to another, -12 h to +12 h."""
+    """Step from one time of day to another, ms, -12 h to +12 h."""
     return (after_ms - before_ms + DAY_MS // 2) % DAY_MS - DAY_MS // 2
 
 

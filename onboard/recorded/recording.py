@@ -27,11 +27,12 @@ from onboard.recorded.line_times import (
 )
 
 MAX_FILE_BYTES: Final = 128 << 20
-"""Most of a day of a busy 38400 baud port. It is held in memory, and takes some 15 times its size there."""
+"""Largest file, bytes: most of a day of a busy 38400 baud port. It is held in memory, and takes some 15 times its size
+there."""
 
 BAUDS: Final = (4800, 9600, 19200, 38400, 57600, 115_200, 230_400, 460_800, 921_600)
 LAG_NS: Final = 100_000_000
-"""A baud rate fits when no line with a new time waits longer for those before it."""
+"""Longest lag at a baud rate that fits, ns: the time for which a line with a new time waits for those before it."""
 
 _LINE = re.compile(rb"(?:\A[\r\n]+)?[^\r\n]+[\r\n]*")
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
@@ -52,13 +53,14 @@ class Recording:
 
     path: Path
     lines: tuple[bytes, ...]
-    """What was on the wire, line ends included."""
+    """Lines that were on the wire, line ends included."""
     numbers: tuple[int, ...]
-    """Which of the file's lines each was; 1 = the first that is not empty."""
+    """Number of each line among those of the file; 1 = the first that is not empty."""
     total: int
-    """Lines of the file that are not empty."""
+    """Number of lines of the file that are not empty."""
     skipped: dict[str, int]
-    """What was not on the wire: `comment` lines at the head, table rows without a sentence (`no-sentence`)."""
+    """Number of lines that were not on the wire: `comment` lines at the head, table rows without a sentence
+    (`no-sentence`)."""
     digest: str
     """SHA-256 of the file, hexadecimal."""
 
@@ -76,9 +78,9 @@ class Paced:
     schedule: Schedule
     baud: int
     lag_ns: int
-    """How long a line with a new time has to wait at this baud rate, at worst."""
+    """Longest time for which a line with a new time has to wait at this baud rate, ns."""
     starts_ns: list[int]
-    """When the first byte of each line goes out at this baud rate, after the first line's."""
+    """Time at which the first byte of each line goes out at this baud rate, ns after the first line's."""
 
     @property
     def ends_ns(self) -> list[int]:
@@ -165,7 +167,7 @@ def _unwrapped(piece: bytes) -> bytes | None:
 
 def _content(path: Path) -> bytes:
     try:
-        # Non-blocking: opening a pipe that nobody writes to would wait for ever.
+        # Non-blocking: opening a pipe without a writer would wait for ever.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:
         raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give the path of a file") from error

@@ -25,14 +25,14 @@ class Found:
     role: str
     model: str
     rate_hz: float | None
-    """Measurements a second; `None` where the recording has no times."""
+    """Rate of measurements, Hz; `None` where the recording has no times."""
 
 
 def sensors_in(paced: Paced) -> tuple[Found, ...]:
     """One sensor for each role of which the recording has good lines, in the order of `ROLES`.
 
     Of several models the one that accepts most lines, the first of the registry among equals. All talkers are one
-    sensor: a second receiver or compass in the same stream is told apart by `talkers` in a configuration of one's own.
+    sensor: a second receiver or compass in the same stream needs a configuration of one's own with `talkers`.
     A recording without any known line gets a receiver, so that the daemon has something to count refusals for.
     """
     lines = [Line(*line) for line in zip(paced.starts_ns, paced.recording.bare, paced.ends_ns, strict=True)]

@@ -27,7 +27,7 @@ _MOST: Final = 2**63 - 1
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parsers."""
+    """Add the sub-parsers."""
     words = "the frames kept on the board's disk"
     parser: argparse.ArgumentParser = commands.add_parser("spool", help=words, description=f"Look at {words}.")
     actions = parser.add_subparsers(required=True, metavar="ACTION")
@@ -196,7 +196,7 @@ def _header(held: Sequence[Segment], directory: Path) -> Header:
 
 
 def _greeting(run: Run, head: Header, config_file: Path | None) -> dict[str, Any]:
-    """The fields of `connected`, as the daemon would have told them."""
+    """The fields of `connected`, as the daemon would have sent them."""
     config = head.about.get("config")
     if config_file is not None:
         from onboard.config import load

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 MAX_BATCH: Final = 4096
-"""Frames given at once."""
+"""Most frames that one read gives."""
 _COMPACT: Final = 1024
 
 Item = tuple[int, bytes]
-"""(seq, encoded frame)."""
+"""A frame in the spool: its seq and its encoded bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,11 +18,11 @@ class Batch:
     """What a read found in one go."""
 
     frames: list[Item]
-    """In order of seq."""
+    """Frames that were found, in order of seq."""
     gone: list[tuple[int, int]]
     """Ranges [first, last] inside what was looked through that no longer exist, or never did."""
     next_seq: int | None
-    """Where to go on; None = the range is done."""
+    """Number of the frame where the next read goes on; None = the range is done."""
 
 
 class FrameList:
@@ -30,7 +30,7 @@ class FrameList:
 
     def __init__(self) -> None:
         self.size = 0
-        """Bytes."""
+        """Number of bytes of all frames."""
         self._seqs: list[int] = []
         self._data: list[bytes] = []
         self._head = 0
@@ -40,7 +40,7 @@ class FrameList:
 
     @property
     def first_seq(self) -> int | None:
-        """Of the oldest frame; None = empty."""
+        """Number of the oldest frame; None = empty."""
         return self._seqs[self._head] if len(self) else None
 
     @property
@@ -94,7 +94,7 @@ class Gathering:
 
     def __init__(self, first: int, last: int, max_bytes: int) -> None:
         self.at = first
-        """The next one looked for."""
+        """Number of the next frame that is looked for."""
         self.full = False
         self._last = last
         self._room = max_bytes

@@ -40,9 +40,10 @@ class Name(NamedTuple):
     """What a file name says; segments sort by it."""
 
     number: int
-    """Orders the starts: start_no, or one more than the highest there is when the start counter was lost."""
+    """Number by which starts are sorted: start_no, or one more than the highest there is when the start counter was
+    lost."""
     first_seq: int
-    """Of its first frame."""
+    """Number of the first frame in the segment."""
     boot_id: str
 
     def __str__(self) -> str:
@@ -62,7 +63,7 @@ class Header:
     identity: Identity
     first_seq: int
     after_seq: int
-    """The last frame that the segment before it holds, of the same start; -1 = there was none."""
+    """Number of the last frame in the segment before it, of the same start; -1 = there was none."""
     about: Mapping[str, Any]
     """Configuration and versions of the daemon, for `export`; may be empty."""
 
@@ -110,7 +111,7 @@ def seed_of(boot_id: str) -> int:
 
 
 def pack_record(seq: int, data: bytes, seed: int, flags: int = FRAME) -> bytes:
-    """One record."""
+    """The bytes of one record."""
     head = _HEAD.pack(RECORD_MAGIC, flags, len(data), seq)
     return head + crc32(data, crc32(head, seed)).to_bytes(4, "little") + data
 

@@ -22,11 +22,11 @@ from onboard.spool.segment_format import (
 )
 
 CHUNK_BYTES: Final = 65_536
-"""Read at once."""
+"""Number of bytes that are read at once."""
 PROBE_BYTES: Final = 8_192
 TAIL_BYTES: Final = 131_072
 _MOST_BYTES: Final = 4 * SEGMENT_BYTES
-"""No more of one file is ever read: a larger one was not made by us."""
+"""Most bytes of one file that are read: a larger file was not made by us."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,23 +47,23 @@ class Segment:
     name: Name
     size: int
     last_seq: int | None = None
-    """Below the first seq = it holds no frame; None = not looked."""
+    """Number of the last frame; below the first seq = the segment holds no frame; None = not looked."""
     place: tuple[int, int] = (-1, 0)
-    """(seq, offset) of the record that was read last: where the next read most often goes on."""
+    """Number and offset of the record that was read last, where the next read most often goes on: (seq, offset)."""
 
 
 class Shelf:
     """All segments, oldest first; replaced as a whole when one comes or goes."""
 
     def __init__(self, segments: Iterable[Segment] = (), start_nos: Mapping[str, int] | None = None) -> None:
-        """start_nos: boot_id -> start_no as the headers say; elsewhere the number in the name counts."""
+        """start_nos: boot_id -> start_no as the headers say; for other starts the number in the name counts."""
         self.segments = tuple(segments)
         self.by_boot: dict[str, list[Segment]] = {}
         self._start_nos = dict(start_nos or {})
         for segment in self.segments:
             self.by_boot.setdefault(segment.name.boot_id, []).append(segment)
         self.runs = [run for held in self.by_boot.values() if (run := self._run(held)) is not None]
-        """Of the starts whose end was looked at and that hold a frame."""
+        """Runs of the starts whose end was looked at and that hold a frame."""
 
     def _run(self, held: list[Segment]) -> Run | None:
         name = held[0].name
@@ -74,11 +74,11 @@ class Shelf:
         return None
 
     def with_segment(self, segment: Segment) -> "Shelf":
-        """One more, the newest."""
+        """The shelf with one segment more, the newest."""
         return Shelf((*self.segments, segment), self._start_nos)
 
     def without(self, segment: Segment) -> "Shelf":
-        """One less."""
+        """The shelf with one segment less."""
         return Shelf((item for item in self.segments if item is not segment), self._start_nos)
 
 
@@ -155,7 +155,7 @@ def look_through(segment: Segment) -> list[Damage]:
 
 
 def read_from(segment: Segment, first: int) -> Iterator[tuple[int, bytes]]:
-    """Its frames in order, from `first` on or a little before; what cannot be read any more is passed over.
+    """Frames of a segment in order, from `first` on or a little before; what cannot be read any more is passed over.
 
     Little is read for each frame, and nothing behind the last one that is taken.
     """

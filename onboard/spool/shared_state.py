@@ -8,9 +8,9 @@ from onboard.spool.memory_ring import FrameList, Item
 from onboard.spool.segment_index import Shelf
 
 RING_BYTES: Final = 4 << 20
-"""The newest frames in memory."""
+"""Most bytes of the newest frames in memory."""
 QUEUE_BYTES: Final = 8 << 20
-"""Frames that wait for the disk."""
+"""Most bytes of frames that wait for the disk."""
 BATCH_BYTES: Final = 1 << 20
 
 
@@ -21,17 +21,17 @@ class SpoolState:
         self.condition = threading.Condition()
         self.ring = FrameList()
         self.waiting = FrameList()
-        """Not on disk yet."""
+        """Frames that are not on the disk yet."""
         self.shelf = Shelf()
         self.synced_seq = -1
         self.dropped = 0
-        """Frames of this start that never came to the disk: the queue was full."""
+        """Number of frames of this start that never came to the disk, because the queue was full."""
         self.removed = 0
-        """Segments that had to make room."""
+        """Number of segments that were removed to make room."""
         self.fault: str | None = None
-        """Why nothing is stored on disk now."""
+        """Why nothing is stored on disk now; None = there is no fault."""
         self.happened: deque[tuple[str, dict[str, Any]]] = deque(maxlen=64)
-        """(code, evidence) of events to be told by the loop's thread."""
+        """Events that the loop's thread has to report: (code, evidence)."""
         self.closing = False
         self._is_behind = False
 

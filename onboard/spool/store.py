@@ -57,7 +57,7 @@ class Spool:
         self.poll()
 
     def poll(self) -> None:
-        """Tell what has happened to the disk."""
+        """Report what has happened to the disk."""
         while self._state.happened:
             code, evidence = self._state.happened.popleft()
             self._journal.tell(code, **evidence)

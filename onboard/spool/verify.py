@@ -47,11 +47,11 @@ class Finding:
     file: str
     what: str
     is_damage: bool
-    """False = nothing that was stored is lost."""
+    """False when nothing that was stored is lost."""
     bytes: tuple[int, int] | None = None
-    """[start, end) of a damaged stretch."""
+    """Offsets [start, end) of a damaged stretch, bytes."""
     lost: tuple[int, int | None] | None = None
-    """Frames [first, last]; last None = nobody knows how many there were."""
+    """Numbers [first, last] of lost frames; last None = it is not known how many there were."""
 
     def __str__(self) -> str:
         text = f"{self.file}: {self.what}"
@@ -63,7 +63,7 @@ class Finding:
         return text
 
     def as_record(self, boot_id: str) -> dict[str, Any]:
-        """For JSON."""
+        """The finding for JSON."""
         return {
             "file": self.file,
             "boot_id": boot_id,
@@ -91,7 +91,7 @@ class Examination:
         self._no_header = False
 
     def run(self) -> None:
-        """Read everything."""
+        """Read all segments."""
         ended = False
         for segment in self._held:
             ended = self._segment(segment, is_last=segment is self._held[-1])

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 MIB: Final = 1 << 20
 LONGEST_DELAY_S: Final = 60.0
 STEADY_S: Final = 5.0
-"""Without a new fault, before a fault is over: a full disk takes a few frames now and then."""
+"""Time without a new fault after which a fault is over, s: a full disk takes a few frames now and then."""
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -61,7 +61,7 @@ class Writer:
         self._segment: Segment | None = None
         self._unsynced: list[Item] = []
         self._put_seq = self._synced_seq = -1
-        """The last frame in a file, the last durable one."""
+        """Number of the last frame in a file, and of the last durable one."""
         self._synced_s = self._retry_s = 0.0
         self._delay_s = 0.0
         self._failed_s = 0.0
@@ -86,7 +86,7 @@ class Writer:
                 self._state.happened.append(("spool-damaged", {"file": str(newest), "bytes": count}))
 
     def run(self) -> None:
-        """Until the state is closing and all that waits is written."""
+        """Write until the state is closing and all that waits is written."""
         while (batch := self._next()) is not None:
             try:
                 if self._lock is None:
@@ -150,7 +150,7 @@ class Writer:
                 state.condition.wait(wait_s)
 
     def _write(self, batch: list[Item]) -> None:
-        """All of it, in as few writes as there are segments."""
+        """Write all of it, in as few writes as there are segments."""
         ready: list[tuple[Item, bytes]] = []
         size = 0
         for item in batch:
@@ -176,7 +176,7 @@ class Writer:
         self._unsynced += [item for item, _ in ready]
 
     def _write_whole(self, segment: Segment, data: bytes) -> None:
-        """At the end of the segment, or not at all."""
+        """Write bytes at the end of the segment as a whole, or not at all."""
         rest = memoryview(data)
         try:
             while rest:

@@ -10,7 +10,7 @@ from typing import Any
 from onboard.recorded.line_times import BITS_PER_BYTE, time_on_wire_ns
 
 FIFO_BYTES = 16
-"""A UART hands its bytes over in portions of this size."""
+"""Size of a UART's buffer, bytes: it hands its bytes over in portions of this size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,7 @@ class SerialLine:
     """Bytes that go out together, and what to note once all of them are out."""
 
     ready_ns: int
-    """Boat time at which the first byte reaches the board, if the port is free."""
+    """Boat time at which the first byte reaches the board, ns, if the port is free."""
     data: bytes
     record: dict[str, Any]
 

@@ -13,7 +13,7 @@ from onboard.virtual.encoders import BoatEncoders
 from onboard.virtual.terminal import Terminal
 
 LEAD_NS: Final = NS_PER_S // 2
-"""Boat time from the start signal to t = 0, so that everybody can be ready for the first byte."""
+"""Boat time from the start signal to t = 0, ns, so that every reader can be ready for the first byte."""
 
 Note = Callable[[dict[str, Any]], None]
 
@@ -26,7 +26,7 @@ class PortPlan:
     sensor: str
     baud: int
     latency_ms: int = 0
-    """A measurement's first byte reaches the board so much later than it was valid."""
+    """Latency, ms: the first byte of a measurement reaches the board this much later than it was valid."""
 
 
 PORTS: Final = (
@@ -44,7 +44,7 @@ class VirtualPort:
         self.terminal = terminal
         self.silent = False
         self.dropped = 0
-        """Bytes lost because nobody read; those of an unplugged or silent device were never sent."""
+        """Number of bytes lost because they were not read; those of an unplugged or silent device were never sent."""
         self._chunks = chunks
         self._note = note
         self._next = next(chunks, None)
@@ -111,7 +111,7 @@ class VirtualBoat:
 
     @property
     def dropped_bytes(self) -> int:
-        """Bytes lost because nobody read them."""
+        """Number of bytes lost because they were not read."""
         return sum(port.dropped for port in self.ports.values())
 
     def close(self) -> None:

@@ -23,11 +23,11 @@ from onboard.virtual.sent_file import SentFile
 from onboard.virtual.source import Source
 
 LINGER_S = 0.2
-"""Before ports are closed at the end: hanging up throws away what the reader has not fetched yet."""
+"""Wait before ports are closed at the end, s: hanging up throws away what the reader has not fetched yet."""
 
 
 def add_arguments(commands: Any) -> None:
-    """The sub-parser."""
+    """Add the sub-parser."""
     parser = commands.add_parser("virtual", help="a virtual boat on pseudo-terminals", description=_virtual.__doc__)
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--scenario", metavar="NAME", help="simulated scenario, see --list (default 5.3)")
@@ -163,14 +163,14 @@ def _directory(wanted: Path | None) -> Path:
 
 
 def _refuse_foreign(paths: Iterable[Path]) -> None:
-    """Nothing of somebody else's is overwritten; what an earlier virtual boat left is."""
+    """Refuse to overwrite files that no virtual boat wrote; what an earlier virtual boat left is overwritten."""
     for path in paths:
         if path.exists() and not (path.is_symlink() or is_ours(path)):
             raise WayfixError("exists already and is not a virtual boat's", str(path), "give another --dir")
 
 
 def _play(args: argparse.Namespace, source: Source, boat: VirtualBoat, directory: Path, console: Console) -> None:
-    """Ready, start, send, done, and stay until told to go."""
+    """Announce the ports, start, send, report the end, and stay until asked to go."""
     ports = {name: str(directory / name) for name in source.bauds}
     config_file, sent_file = directory / "boat.toml", directory / "sent.jsonl"
     _refuse_foreign((config_file, *map(Path, ports.values())))
@@ -215,7 +215,7 @@ def _start(boat: VirtualBoat, source: Source, note: Any) -> int:
 
 
 def _send(boat: VirtualBoat, console: Console, args: argparse.Namespace) -> bool:
-    """Until the last byte is out; False = told to stop before."""
+    """Send until the last byte is out; False = asked to stop before."""
     while (pause_s := boat.advance()) is not None:
         _obey(boat, console.wait(pause_s))
         if _told_to_go(console, args):

@@ -14,9 +14,9 @@ from common.simulation.readings import FixReading, HeadingReading, ImuReading, R
 from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S, STANDARD_GRAVITY_M_S2
 
 COUNTS_PER_G: Final = 4096
-"""ArduIMU V3 (MPU-6000 at +-8 g), firmware 1.9."""
+"""Counts of the accelerometer for 1 g: ArduIMU V3 (MPU-6000 at +-8 g), firmware 1.9."""
 COUNTS_PER_DEG_S: Final = 16.4
-"""ArduIMU V3 at +-2000 deg/s."""
+"""Counts of the gyro for 1 deg/s: ArduIMU V3 at +-2000 deg/s."""
 _COUNTS_PER_M_S2: Final = COUNTS_PER_G / STANDARD_GRAVITY_M_S2
 
 Values = dict[str, float | int | None]
@@ -57,9 +57,9 @@ class GpsEncoder:
     """GGA + GSA + RMC once an epoch, like a BU-353. Quality is 1 (GPS): no filter would take 8 (simulator)."""
 
     utc_start_ns: int
-    """UTC of t = 0, whole milliseconds."""
+    """UTC of t = 0, ns since 1970, whole milliseconds."""
     decimals: int = 5
-    """Of the minutes: 5 = 2 cm; 4 = 19 cm, the real BU-353."""
+    """Decimals of the minutes: 5 = 2 cm; 4 = 19 cm, the real BU-353."""
     talker: str = "GP"
 
     def encode(self, t_s: float, reading: FixReading) -> Encoded:
@@ -95,7 +95,7 @@ class CompassEncoder:
     """`$HCHDG,123.4,,,,*46`, like an HSC100: magnetic heading to 0.1 deg, deviation and variation always empty."""
 
     variation_deg: float
-    """East +: magnetic = true - variation."""
+    """Variation, deg, east +: magnetic = true - variation."""
 
     def encode(self, t_s: float, reading: HeadingReading) -> Encoded:  # noqa: ARG002 - every encoder is handed the time
         """One HDG sentence."""

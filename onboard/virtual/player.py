@@ -16,7 +16,7 @@ from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_i
 from onboard.virtual.baud_pacing import SerialLine
 
 TOLD_GAP_S = 30.0
-"""A longer wait is told before it begins."""
+"""Longest wait that begins without a message, s."""
 
 
 class Player:
@@ -80,7 +80,7 @@ class Player:
         return {name: self._lines(name, start_ns + self._offsets_ns[name]) for name in self._paced}
 
     def started(self, directory: Path, start_ns: int) -> None:
-        """Nothing to write: nobody knows the truth."""
+        """Nothing to write, because the truth of a recording is not known."""
 
     def done(self, counts: Mapping[str, int]) -> dict[str, Any]:
         """What became of each file's lines: lines = sent + skipped + not_sent (unread, unplugged, after the end)."""

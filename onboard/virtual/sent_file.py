@@ -15,7 +15,7 @@ class SentFile:
         """Key: what is counted, `sensor` or `port`; names: all there are."""
         self.counts = dict.fromkeys(names, 0)
         self._key = key
-        # By line: whoever reads while the boat still sails sees whole lines.
+        # By line: a reader sees whole lines while the boat still sails.
         self._stream = path.open("w", encoding="ascii", buffering=1)
 
     def note(self, record: dict[str, Any]) -> None:

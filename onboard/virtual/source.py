@@ -12,9 +12,9 @@ class Source(Protocol):
     """Lines for each of its ports, and the facts that the daemon needs about them."""
 
     bauds: Mapping[str, int]
-    """Port -> baud rate."""
+    """Baud rate of each port, by its name."""
     counted: tuple[str, tuple[str, ...]]
-    """By what the lines sent are counted (`sensor` or `port`), and all its names."""
+    """Unit by which the sent lines are counted (`sensor` or `port`), and the names of all of them."""
 
     def head(self) -> str:
         """What boat.toml says of itself, after `Written by`."""
@@ -29,7 +29,7 @@ class Source(Protocol):
         ...
 
     def lines(self, start_ns: int, clock_rate: float) -> Mapping[str, Iterator[SerialLine]]:
-        """For each port its lines in time order; t = 0 is boat time `start_ns`."""
+        """Lines of each port in time order; t = 0 is boat time `start_ns`."""
         ...
 
     def started(self, directory: Path, start_ns: int) -> None:

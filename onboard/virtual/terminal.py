@@ -10,7 +10,7 @@ class Terminal:
     """One virtual serial port: `link` is the path to open. It is plugged in from the start.
 
     A slave end stays open here, so that the raw mode persists and writing needs no reader. Nothing paces a
-    pseudo-terminal: the caller does. A port nobody reads holds about 20 kB and then loses bytes, like a UART.
+    pseudo-terminal: the caller does. A port without a reader holds about 20 kB and then loses bytes, like a UART.
     """
 
     def __init__(self, link: Path) -> None:
@@ -34,9 +34,9 @@ class Terminal:
         os.set_blocking(self._master, False)
         fresh = self.link.with_name(f".{self.link.name}.new")
         fresh.unlink(missing_ok=True)
-        # Not by its number in /dev/pts: once this process was killed, that is the next pseudo-terminal of anybody.
+        # Not by its number in /dev/pts: once this process was killed, that is the next pseudo-terminal of any program.
         fresh.symlink_to(f"/proc/{os.getpid()}/fd/{self._keeper}")
-        # Replaced in one step: whoever looks sees the old or the new device, never no link.
+        # Replaced in one step: a reader sees the old or the new device, never no link.
         fresh.replace(self.link)
 
     def unplug(self) -> None:
@@ -50,7 +50,7 @@ class Terminal:
         self._master = None
 
     def write(self, data: bytes) -> int:
-        """Bytes that went in (fewer than given when nobody reads, 0 when unplugged); never blocks."""
+        """Bytes that went in (fewer than given without a reader, 0 when unplugged); never blocks."""
         if self._master is None:
             return 0
         with contextlib.suppress(BlockingIOError):

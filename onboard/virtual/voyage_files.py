@@ -14,7 +14,7 @@ from onboard.virtual.boat import PORTS
 TRUTH_HEADER = "t_s,lat_deg,lon_deg,heading_true_deg,t_ns,east_m,north_m,v_east_m_s,v_north_m_s"
 TRUTH_RATE_HZ = 10.0
 LONGEST_GAP_S = 1.0
-"""Over a longer hole of a recording's reference no truth is made up."""
+"""Longest hole of a recording's reference over which the truth is interpolated, s."""
 
 
 def boat_config(voyage: Voyage, ports: dict[str, str], bind: str) -> BoatConfig:

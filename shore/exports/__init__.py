@@ -1,1 +1,1 @@
-"""`wayfix export`: the track of a log for other programs."""
+"""Track export (`wayfix export`): the track of a log for other programs."""

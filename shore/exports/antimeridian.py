@@ -1,10 +1,10 @@
-"""Lines that cross the 180th meridian, cut there as RFC 7946 (3.1.9) wants them."""
+"""Antimeridian cutting: lines that cross the 180th meridian are cut there, as RFC 7946 (3.1.9) wants them."""
 
 from typing import Final
 
 HALF_TURN_DEG: Final = 180.0
 Place = tuple[float, float]
-"""lat, lon in deg."""
+"""A place of the track: latitude and longitude, deg."""
 
 
 def crossing(before: Place, after: Place) -> tuple[Place, Place] | None:

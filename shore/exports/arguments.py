@@ -1,4 +1,4 @@
-"""Arguments of `wayfix export`."""
+"""Command-line arguments of `wayfix export`."""
 
 import argparse
 from typing import Final
@@ -10,7 +10,7 @@ ORDERS: Final = ("recorded", "time")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `wayfix export`; `shore.exports.command` takes them."""
+    """Add the arguments of `wayfix export`; `shore.exports.command` takes them."""
     parser.add_argument("log", metavar="LOG", help="a log of `wayfix connect`, `import` or `replay --record`")
     parser.add_argument("out", metavar="OUT", help="new file; csv and parquet: or a directory (DIR/) for all tables")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""`wayfix export`: a log into a file of another kind."""
+"""`wayfix export`: format conversion of a log into a file of another kind."""
 
 import argparse
 import sys
@@ -19,7 +19,7 @@ from shore.navigation.timeline import HORIZON_S
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
 
 HEAVY: Final = {"kml": 50_000, "geojson": 200_000, "gpx": 200_000}
-"""Points from which on programs that draw such files become slow."""
+"""Number of points from which on programs that draw such files become slow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,15 +30,15 @@ class ExportOptions:
     out: str
     """A file, or a directory for all tables: then it exists, or ends with a slash."""
     to: str
-    """Of `FORMATS`."""
+    """Format of the file, a key of `FORMATS`."""
     filter: str | None
-    """`None` = the live run's first."""
+    """Filter whose track is written; `None` = the first one of the live run."""
     order: str
-    """`recorded` or `time`."""
+    """Order of the rows: `recorded` or `time`."""
     every_s: float | None
-    """One row in so many seconds; `None` = all."""
+    """Interval of the rows, s; `None` = all rows are written."""
     force: bool
-    """Files of our own making may be replaced."""
+    """True when files of our own making may be replaced."""
 
 
 class Target(NamedTuple):
@@ -46,7 +46,7 @@ class Target(NamedTuple):
 
     out: Path
     files: dict[str, Path]
-    """By name of the table; one of no name, unless `out` is a directory."""
+    """Table name -> file; without a directory there is one file, and its name is empty."""
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -92,7 +92,7 @@ def _export(options: ExportOptions, kind: Format, reader: LogReader, target: Tar
 
 
 class _Nothing(Exception):  # noqa: N818 - not an error: leaves no file behind
-    """No row came."""
+    """There was no row to write."""
 
 
 def _write(kind: Format, target: Target, track: ExportTrack) -> int:
@@ -119,7 +119,7 @@ def _write(kind: Format, target: Target, track: ExportTrack) -> int:
 
 
 def _fill(kind: Format, streams: dict[str, BinaryIO], track: ExportTrack) -> None:
-    """Raises _Nothing when no row came."""
+    """Write all rows. Raises _Nothing when there was none."""
     if "" in streams:
         kind.writer().write(streams[""], track)
     else:
@@ -178,7 +178,7 @@ def _chosen(options: ExportOptions, survey: Survey) -> str:
 
 
 def _say_what(options: ExportOptions, track: ExportTrack) -> None:
-    """What the rows are, and what is wanting."""
+    """Say what the rows are, and what is missing."""
     survey, clocks = track.survey, track.survey.clocks
     what = f"fixes of {track.gps or 'the first GPS'}" if track.filter == RAW else f"estimates of {track.filter}"
     how = (

@@ -1,4 +1,4 @@
-"""CSV: the estimates in one file, or (into a directory) everything that was measured beside them."""
+"""CSV tables (comma-separated values): the estimates in one file, or (into a directory) all measurements too."""
 
 import csv
 from codecs import getwriter
@@ -31,7 +31,7 @@ class _Sheet:
         self._writer.writerows(map(_words, rows))
 
     def finish(self) -> None:
-        """There is nothing behind the last row."""
+        """Nothing follows the last row."""
 
 
 def _words(values: table.Values) -> list[Any]:

@@ -1,4 +1,4 @@
-"""The first pass over a log: what is in it, its clocks and its events. Estimates are counted, not read."""
+"""First pass over a log (survey): what is in it, its clocks and its events. Estimates are counted, not read."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
 from shore.navigation.timeline import HORIZON_NS
 
 LOOK_NS: Final = NS_PER_S
-"""A frame within so much boat time after one that was decoded is taken to be of the same start and clock."""
+"""A frame within this boat time after a decoded one is taken to be of the same start and clock, ns."""
 SHOWN_EACH: Final = 2048
 
 
@@ -23,7 +23,7 @@ class Happened(NamedTuple):
 
     clock: BoardClock
     event: dict[str, Any]
-    """The fields of `Event`."""
+    """The event as a dict of the fields of `Event`."""
 
 
 @dataclass
@@ -31,26 +31,26 @@ class Survey:
     """What one pass finds."""
 
     start: dict[str, Any] | None = None
-    """The first `/session` start."""
+    """The first `start` record of `/session`."""
     trip: dict[str, Any] = field(default_factory=dict)
-    """Name, place and note."""
+    """Name, place and note of the trip."""
     clocks: Clocks = field(default_factory=lambda: Clocks(None))
     events: list[Happened] = field(default_factory=list)
     estimates: Counter[str] = field(default_factory=Counter)
-    """By filter."""
+    """Number of estimates of each filter."""
     frames: int = 0
     late: int = 0
-    """Frames that came more than the timeline's horizon after a newer one."""
+    """Number of frames that came later than a newer one by more than the timeline's horizon."""
 
     @property
     def live_filters(self) -> tuple[str, ...]:
-        """Of the session's options, in their order, else as found; only those with estimates."""
+        """Filters that ran live and have estimates, in the order of the session's options, else in the order found."""
         named = ((self.start or {}).get("options") or {}).get("filters") or ()
         return tuple(dict.fromkeys(name for name in (*named, *self.estimates) if self.estimates[name]))
 
     @property
     def boat(self) -> str | None:
-        """Its id."""
+        """Id of the boat."""
         boat = self.config.get("boat") or {}
         return boat.get("id")
 
@@ -60,7 +60,7 @@ class Survey:
         return ((self.start or {}).get("connected") or {}).get("config") or {}
 
     def sensors(self, role: str) -> tuple[dict[str, Any], ...]:
-        """Those of a role, in the order of the configuration."""
+        """Sensors of a role, in the order of the configuration."""
         return tuple(table for table in self.config.get("sensor") or () if table.get("role") == role)
 
 
@@ -79,10 +79,10 @@ class _Pass:
         self._reader = reader
         self.found = Survey()
         self._clock: BoardClock | None = None
-        """Of the frame that was decoded last."""
+        """Clock of the frame that was decoded last."""
         self._looked_ns = 0
         self._newest_ns: dict[int, int] = {}
-        """By number of the clock."""
+        """Boat time of the newest frame of each clock, ns, by the clock's number."""
         self._early: list[dict[str, Any]] = []
         """Events from before the first frame."""
 

@@ -1,4 +1,4 @@
-"""The formats by name: who writes them, and how a file of that kind begins."""
+"""File formats by name (format registry): which module writes each, and how a file of that kind begins."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -18,12 +18,12 @@ class Format(NamedTuple):
     A Parquet file does not say at its beginning who wrote it.
     """
     is_table: bool = False
-    """It fills a directory too."""
+    """True when the format can fill a directory with several tables."""
     needs: str | None = None
-    """A package of an extra,"""
+    """Package that the format needs, which an extra installs; `None` = it needs none."""
     extra: str | None = None
     used_by: str | None = None
-    """A program that such files are mostly for."""
+    """Program that such files are mostly for."""
 
     def writer(self) -> ModuleType:
         """Has `write(stream, track)`, and `write_all(streams, track)` when it is a table; both raise OSError."""
@@ -41,7 +41,7 @@ class Format(NamedTuple):
 
 _HERE: Final = "shore.exports"
 HEAD: Final = 256
-"""Bytes that `begins` wants to see."""
+"""Number of bytes that `begins` wants to see."""
 _XML: Final = b"<?xml"
 FORMATS: Final[dict[str, Format]] = {
     "csv": Format(f"{_HERE}.csv_file", lambda head: head.startswith(b"t_s,utc,t_ns,"), is_table=True),

@@ -36,13 +36,13 @@ def write(stream: BinaryIO, track: ExportTrack) -> None:
 
 
 class _Lines:
-    """Parts of two positions and more; a place that stands alone is told twice, since one is no line."""
+    """Parts of two positions or more; a place that stands alone is written twice, since one is no line."""
 
     def __init__(self, places: Aside) -> None:
         self._places = places
         self._parts = 0
         self._points = 0
-        """Of the part that is open."""
+        """Number of positions in the open part."""
         self._last: Place = (0.0, 0.0)
         self.times: dict[str, Any] = {"begin_utc": None, "end_utc": None, "begin_s": None, "end_s": None}
 
@@ -61,7 +61,7 @@ class _Lines:
         self.times |= {"end_utc": utc, "end_s": row.t_s}
 
     def end(self) -> None:
-        """Of a part."""
+        """End the open part."""
         if self._points == 1:
             self._point(self._last)
         if self._points:

@@ -18,7 +18,7 @@ _HEAD: Final = (
     f'<kml xmlns="{SPACE}" xmlns:gx="http://www.google.com/kml/ext/2.2">\n<Document>\n'
 )
 COLOURS: Final = {"debug": "ff999999", "info": "ffe08a2a", "warning": "ff1f9fff", "error": "ff2828d6"}
-"""By level: alpha, blue, green, red."""
+"""Colour of each event level, eight hex digits: alpha, blue, green, red."""
 _TRACK_STYLE: Final = (
     '<Style id="track"><IconStyle><scale>0.7</scale></IconStyle><LabelStyle><scale>0</scale></LabelStyle>'
     "<LineStyle><color>ff3928d6</color><width>3</width></LineStyle></Style>\n"
@@ -26,7 +26,7 @@ _TRACK_STYLE: Final = (
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
-    """Raises OSError."""
+    """Write the track as KML. Raises OSError."""
     has_time = track.survey.clocks.know_utc
     with ExitStack() as stack:
         events, behind = stack.enter_context(aside()), stack.enter_context(aside())

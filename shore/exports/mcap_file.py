@@ -20,7 +20,7 @@ from shore.logbook.estimate_rounding import logged
 from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, POSITIONS, TRIP, json_schema
 
 LIBRARY: Final = "wayfix-export"
-"""In the header of the file: tells it from a log."""
+"""Name in the header of the file, by which an export differs from a log."""
 
 
 _LAST_NS: Final = 2**64 - 1
@@ -33,11 +33,11 @@ class _Message(NamedTuple):
     topic: str
     record: dict[str, Any]
     data: bytes | None = None
-    """The record, where it is bytes already."""
+    """The encoded record; `None` where it has not been encoded yet."""
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
-    """Raises OSError."""
+    """Write the track as MCAP. Raises OSError."""
     writer = Writer(stream, compression=CompressionType.ZSTD)
     writer.start(profile="", library=LIBRARY)
     channels: dict[str, int] = {}
@@ -89,5 +89,5 @@ def _of_fixes(track: ExportTrack) -> Iterator[_Message]:
 
 
 def _time_ns(utc_ns: int | None, t_s: float) -> int:
-    """As MCAP can say it: what was before the first frame stands at its time."""
+    """Time as MCAP can hold it, ns; what was before the first frame stands at the time of that frame."""
     return min(max(round(t_s * NS_PER_S) if utc_ns is None else utc_ns, 0), _LAST_NS)

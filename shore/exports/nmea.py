@@ -13,11 +13,11 @@ from shore.exports.track import ExportTrack, Row
 
 TALKER: Final = "IN"
 _MINUTES: Final = 60 * 10**7
-"""Steps of a coordinate in one degree: minutes with seven decimals."""
+"""Number of steps of a coordinate in one degree: minutes with seven decimals."""
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
-    """Raises OSError."""
+    """Write the track as NMEA sentences. Raises OSError."""
     has_time_of_day = track.survey.clocks.has_time_of_day
     for row in track.items():
         if isinstance(row, Row):

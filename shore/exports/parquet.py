@@ -1,4 +1,4 @@
-"""Parquet, by polars (extra `analysis`): the tables of `table.py` with typed columns."""
+"""Parquet (columnar file), by polars (extra `analysis`): the tables of `table.py` with typed columns."""
 
 from collections.abc import Iterable
 from io import BytesIO
@@ -9,7 +9,7 @@ from shore.exports import table
 from shore.exports.track import ExportTrack
 
 ROWS: Final = 50_000
-"""Rows that are Python objects at once; behind them they are columns of bytes."""
+"""Most rows held as Python objects at once; after that they are columns of bytes."""
 _INTEGERS: Final = frozenset({"t_ns", "utc", "fix_quality", "fix_mode", "satellites", "tod_ms"})
 _FLAGS: Final = frozenset({"aligned", "held", "usable", "status_valid"})
 _WORDS: Final = frozenset({"waiting", "level", "source", "code", "text", "evidence", "sensor", "warning"})

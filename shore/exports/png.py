@@ -1,4 +1,4 @@
-"""A picture of the trip, by matplotlib (extra `report`)."""
+"""Track plot: a picture of the trip, drawn by matplotlib (extra `report`)."""
 
 from datetime import timedelta
 from typing import BinaryIO, Final
@@ -11,13 +11,13 @@ from shore.exports.track import RAW, ExportTrack, Mark, Row
 from shore.report.trip_picture import Happening, Points, TripPlot, draw, when
 
 SHOWN: Final = 20_000
-"""Rows and fixes that a picture can show; more are thinned out."""
+"""Most rows and fixes that a picture shows; more are thinned out."""
 _NAN: Final = float("nan")
 _Values = tuple[float, ...]
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
-    """Raises OSError."""
+    """Write the picture of the track. Raises OSError."""
     rows, marks = _Thinned(), []
     plane: LocalPlane | None = None
     begin = end = None
@@ -51,7 +51,7 @@ def write(stream: BinaryIO, track: ExportTrack) -> None:
 
 
 class _Thinned:
-    """At most twice `SHOWN` values, evenly taken; each may stand for more and more others."""
+    """Decimation: at most twice `SHOWN` values, evenly taken; each may stand for more and more others."""
 
     def __init__(self) -> None:
         self._kept: list[_Values] = []
@@ -60,7 +60,7 @@ class _Thinned:
         self._begins = False
 
     def add(self, values: _Values) -> None:
-        """The last of `values` of a row says that a piece begins: that is never lost."""
+        """Add a row. The last value of a row says that a piece begins; this is never lost."""
         is_row = len(values) > 2
         self._begins |= is_row and values[-1] == 1.0
         if self._count % self._each == 0:

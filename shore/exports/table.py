@@ -13,12 +13,12 @@ from shore.exports.utc import BoardClock
 
 Values = Sequence[Any]
 TIMES: Final = ("t_s", "utc", "t_ns")
-"""Seconds of the log, UTC (ns), nanoseconds on the boat clock."""
+"""Time columns: seconds of the log, UTC (ns), and nanoseconds on the boat clock."""
 ESTIMATES: Final = (
     "lat_deg", "lon_deg", "heading_true_deg", "sog_kn", "cog_true_deg",
     "sigma_east_m", "sigma_north_m", "sigma_heading_deg", "aligned", "waiting",
 )  # fmt: skip
-"""The state follows, by its own names."""
+"""Columns of an estimate; those of the state follow under their own names."""
 EVENTS: Final = (*TIMES, "level", "source", "code", "text", "evidence", "lat_deg", "lon_deg")
 FIXES: Final = (*TIMES, *(field.name for field in fields(Fix) if field.name not in ("t_ns", "utc_ns")), "usable")
 HEADINGS: Final = (*TIMES, *(field.name for field in fields(Heading) if field.name != "t_ns"))
@@ -31,24 +31,24 @@ class Sheet(Protocol):
     """One table on its way to a file."""
 
     def add(self, rows: Iterable[Values]) -> None:
-        """Some more rows. Raises OSError."""
+        """Add some more rows. Raises OSError."""
 
     def finish(self) -> None:
-        """The last one was added. Raises OSError."""
+        """End the table after its last row. Raises OSError."""
 
 
 Begin = Callable[[str, tuple[str, ...]], Sheet]
-"""Name and columns of a table -> where its rows go."""
+"""Called with the name and columns of a table; returns where its rows go."""
 NAMES: Final = ("estimates", "events", "fixes", "headings", "imu")
 
 
 def fill(track: ExportTrack, begin: Begin) -> None:
-    """The estimates alone."""
+    """Write the estimates alone."""
     _fill_estimates(track, begin, None).finish()
 
 
 def fill_all(track: ExportTrack, begin: Begin) -> None:
-    """All of `NAMES`."""
+    """Write all tables of `NAMES`."""
     events = begin("events", EVENTS)
     sheets = [_fill_estimates(track, begin, events), events]
     brought = [begin("fixes", FIXES), begin("headings", HEADINGS), begin("imu", IMU)]

@@ -1,4 +1,4 @@
-"""What the text formats share: times as words, text that XML can hold, a place to keep what belongs further down."""
+"""Shared parts of the text formats: ISO 8601 times, text that XML can hold, and a buffer for what comes further on."""
 
 import re
 from collections.abc import Iterator
@@ -12,10 +12,10 @@ from typing import BinaryIO, Final
 from common.units import NS_PER_S, NS_PER_US
 
 PLACE_DECIMALS: Final = 9
-"""Of latitude and longitude, as in the log."""
+"""Decimals of latitude and longitude (deg), as many as in the log."""
 _IN_MEMORY: Final = 16 * 2**20
 _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""No escape can bring these into XML 1.0."""
+"""Characters that no escape can bring into XML 1.0."""
 
 
 def iso(utc_ns: int) -> str:
@@ -30,7 +30,7 @@ def _second(seconds: int) -> str:
 
 
 def xml_text(text: str) -> str:
-    """Without the characters that no XML file may hold."""
+    """The text without the characters that no XML file may hold."""
     return _NOT_XML.sub("\ufffd", text)
 
 
@@ -54,6 +54,6 @@ class Aside:
 
 @contextmanager
 def aside() -> Iterator[Aside]:
-    """A new one, thrown away at the end. Raises OSError when the disk is full."""
+    """A new buffer, which is thrown away at the end. Raises OSError when the disk is full."""
     with SpooledTemporaryFile(max_size=_IN_MEMORY) as file:
         yield Aside(file)

@@ -1,4 +1,4 @@
-"""One source of rows for every format: the estimates of one filter in order of boat time, and the events among them.
+"""Track segmentation: the rows for every format, the estimates of one filter in order of boat time with the events.
 
     track = ExportTrack(reader, survey, "fuzzy", order="recorded", every_s=None)
     for item in track.items(): ...              # Row or Mark; nothing of it is kept
@@ -22,17 +22,17 @@ from shore.logbook.schemas import ESTIMATES, FRAMES
 
 ORDERS: Final = ("recorded", "time")
 RAW: Final = "raw"
-"""In place of a filter: the usable fixes of one receiver."""
+"""Name that stands in place of a filter for the usable fixes of one receiver."""
 GAP_NS: Final = 10 * NS_PER_S
-"""After so long without a row a track begins anew."""
+"""A new piece of track begins after this time without a row, ns."""
 NEAR_NS: Final = 10 * NS_PER_S
-"""An event has the place of a row that is no further away."""
+"""An event gets the place of a row that is no further away in time than this, ns."""
 RESETS: Final = frozenset({"filter-reset", "origin-moved", "board-rebooted"})
-"""Events after which the track is another piece."""
+"""Codes of the events after which a new piece of track begins."""
 
 Place = tuple[float, float]
 Entry = tuple[int, int, int, BoardClock, dict[str, Any]]
-"""Number of the clock, time and number of an event, so that they sort; the clock, the event."""
+"""Sort key and event: number of the clock, boat time (ns), number of the event, the clock, the event."""
 
 
 class Row(NamedTuple):
@@ -41,7 +41,7 @@ class Row(NamedTuple):
     clock: BoardClock
     t_ns: int
     t_s: float
-    """Seconds of the log."""
+    """Time of the row, seconds of the log."""
     utc_ns: int | None
     lat_deg: float
     lon_deg: float
@@ -52,18 +52,19 @@ class Row(NamedTuple):
     sigma_north_m: float | None
     sigma_heading_deg: float | None
     aligned: bool
-    """Valid. For a raw fix: the receiver says so."""
+    """True when the estimate is valid; for a raw fix, when the receiver calls it valid."""
     waiting: tuple[str, ...]
     is_first: bool
-    """A new piece of track begins: the first of all, after a gap, a reset of the filter or of the board."""
+    """True where a new piece of track begins: at the start, after a gap, or after a reset of the filter or the
+    board."""
     record: dict[str, Any] | None
-    """The whole estimate; none behind a raw fix."""
+    """The whole estimate; `None` for a raw fix."""
     data: bytes | None
-    """The same, as the log has it; none where the log has none."""
+    """The estimate as the bytes in the log; `None` where the log has none."""
 
     @property
     def covariance_m2(self) -> tuple[float, float, float] | None:
-        """Of the place: east, east-north, north; `None` behind a raw fix, and where it was not finite or not said."""
+        """Position covariance, m^2: east, east-north, north; `None` for a raw fix, or where not finite or not known."""
         if self.record is None or len(self.record["state"]) < 2:
             return None
         east, cross, north = (self.record["covariance"][index] for index in (0, 1, len(self.record["state"])))
@@ -82,11 +83,11 @@ class Mark(NamedTuple):
     text: str
     evidence: dict[str, Any]
     place: Place | None
-    """lat, lon in deg; `None` where no row is near in time."""
+    """Latitude and longitude of the boat, deg; `None` where no row is near in time."""
 
 
 class _Found(NamedTuple):
-    """A row to be."""
+    """A row that is still being made."""
 
     clock: BoardClock
     record: dict[str, Any]
@@ -102,15 +103,15 @@ class ExportTrack:
         self.filter = name
         self.order = order
         self.rows = 0
-        """Given by the newest pass."""
+        """Number of rows that the newest pass has given."""
         self.marks = 0
         self.shown: Callable[[float], None] = lambda _t_s: None
-        """Called with seconds of the log now and then."""
+        """Called with seconds of the log now and then, for a progress display."""
         self._every_ns = None if every_s is None else max(round(every_s * NS_PER_S), 1)
 
     @property
     def title(self) -> str:
-        """What a person calls it."""
+        """Name of the track for a person."""
         return str(self.survey.trip.get("name") or os.fsencode(self.reader.path.stem).decode(errors="replace"))
 
     @property
@@ -168,7 +169,7 @@ class ExportTrack:
             yield from ((clock, fix) for fix in frame.fixes if fix.lat_deg is not None and fix.lon_deg is not None)
 
     def _known_events(self) -> Iterator[tuple[BoardClock, dict[str, Any]]]:
-        """Those of the log; of a new run of the filter only those that it cannot make."""
+        """Events of the log; when the filter runs again, only those that it cannot make itself."""
         for clock, event in self.survey.events:
             if self.order == "recorded" or self.filter == RAW or is_of_station(event["code"]):
                 yield clock, event
@@ -195,7 +196,7 @@ class ExportTrack:
             yield from (_Found(clock, record) for record in step.records)
 
     def _raw(self) -> Iterator[_Found]:
-        """A receiver's latency lets a fix come after a newer one now and then: it stays out."""
+        """Fixes in rising time: one that comes after a newer one, because of the receiver's latency, is left out."""
         sensor = self.gps
         newest: tuple[int, int] | None = None
         for clock, fix in self.fixes():
@@ -227,7 +228,7 @@ def _is_apart(last: Row | None, row: Row) -> bool:
 
 
 class _Waiting:
-    """Events that wait for the rows about their time."""
+    """Events that wait for the rows before and after them."""
 
     def __init__(self, events: Iterator[tuple[BoardClock, dict[str, Any]]], name: str) -> None:
         self._filter = name
@@ -237,12 +238,12 @@ class _Waiting:
             self.add(clock, event)
 
     def add(self, clock: BoardClock, event: dict[str, Any]) -> None:
-        """One more."""
+        """Add one event."""
         self._count += 1
         heappush(self._heap, (clock.number, event["t_ns"], self._count, clock, event))
 
     def until(self, last: Row | None, row: Row | None) -> tuple[list[Mark], bool]:
-        """Those up to `row` (`None` = all), each at the nearer of the two rows, and whether one begins a new piece."""
+        """Events up to `row` (`None` = all), each at the nearer of the two rows, and whether one begins a new piece."""
         marks, resets = [], False
         while self._heap and (row is None or self._heap[0][:2] <= (row.clock.number, row.t_ns)):
             *_, clock, event = heappop(self._heap)

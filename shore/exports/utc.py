@@ -1,4 +1,4 @@
-"""Boat time to UTC and to seconds of the log, for each clock the board had.
+"""Boat time to UTC by linear interpolation, and to seconds of the log, for each clock the board had.
 
 UTC is what the frames say of it, by the best source a clock ever had (gnss before rtc): the boat clock is steady, so
 the first minutes get theirs from when it was known. A log whose frames never knew it goes by their arrivals: live those
@@ -13,14 +13,14 @@ from common.messages import UTC_SOURCES, Frame
 from common.units import NS_PER_S
 
 KNOT_NS: Final = 10 * NS_PER_S
-"""Boat time between two looks at the frames' UTC; between them it is a straight line."""
+"""Boat time between two points taken from the frames' UTC, ns; between them UTC is interpolated linearly."""
 ARRIVAL_NS: Final = 60 * NS_PER_S
-"""The quickest of the frames of so long stands for their arrivals."""
+"""The frame with the shortest delay within each interval of this length stands for its arrivals, ns."""
 EARLIEST_NS: Final = 946_684_800 * NS_PER_S
-"""1 January 2000: what arrived before is a log of times that are no UTC."""
+"""1 January 2000, ns since 1970: earlier arrivals belong to a log whose times are not UTC."""
 WRONG_DATE_NS: Final = 365 * 86_400 * NS_PER_S
 _ARRIVAL: Final = 0
-"""Rank of the arrivals: that of `none`."""
+"""Rank of arrival times as a source of UTC, the same as that of `none`."""
 
 
 class _Knot(NamedTuple):
@@ -35,21 +35,21 @@ class BoardClock:
 
     def __init__(self, number: int, first_ns: int, begin_s: float) -> None:
         self.number = number
-        """In the order of the log."""
+        """Number of the clock in the order of the log."""
         self._first_ns = first_ns
         self._begin_s = begin_s
         self._knots: dict[int, list[_Knot]] = {}
-        """By rank of the source."""
+        """Points of the mapping from boat time to UTC, by rank of their source."""
         self._best: list[_Knot] = []
         self._quickest: _Knot | None = None
         self._minute = -1
 
     def seconds(self, t_ns: int) -> float:
-        """Seconds of the log: as `wayfix replay` counts them."""
+        """Seconds of the log, counted as `wayfix replay` counts them."""
         return self._begin_s + (t_ns - self._first_ns) / NS_PER_S
 
     def utc_ns(self, t_ns: int) -> int | None:
-        """UTC of a boat time; `None` where nobody knows it."""
+        """UTC of a boat time, ns; `None` where it is not known."""
         knots = self._best
         if not knots:
             return None
@@ -63,7 +63,7 @@ class BoardClock:
         return t_ns + left.offset_ns + part
 
     def told(self, frame: Frame) -> None:
-        """What a frame says of UTC."""
+        """Take what a frame says of UTC."""
         if frame.utc_ns is None or frame.utc_src == "none":
             return
         knots = self._knots.setdefault(UTC_SOURCES.index(frame.utc_src), [])
@@ -72,7 +72,7 @@ class BoardClock:
             insort(knots, knot)
 
     def arrived(self, t_ns: int, log_time_ns: int) -> None:
-        """A newest frame's end and its arrival."""
+        """Take the end of a frame that is the newest so far, and its arrival."""
         if log_time_ns < EARLIEST_NS:
             return
         minute, knot = t_ns // ARRIVAL_NS, _Knot(t_ns, log_time_ns - t_ns, 0)
@@ -83,7 +83,7 @@ class BoardClock:
             self._quickest = knot
 
     def settle(self) -> None:
-        """All is known: UTC goes by the best source, without the date of a clock that was wrong for a while."""
+        """After the last frame: choose the best source, and drop the date of a clock that was wrong for a while."""
         self._keep_quickest()
         knots = self._knots[max(self._knots)] if self._knots else []
         usual_ns = median_low(knot.offset_ns for knot in knots) if knots else 0
@@ -102,7 +102,7 @@ class Clocks:
         """The log's first `/session` start."""
         made = ((start or {}).get("connected") or {}).get("file") or {}
         self.has_time_of_day = made.get("clock") == "utc-time-of-day"
-        """Boat time less whole days is UTC without its date."""
+        """True when boat time less whole days is UTC without its date."""
         self._of_clock: dict[str, BoardClock] = {}
         self._of_boot: dict[str, BoardClock] = {}
         self.all: list[BoardClock] = []
@@ -118,17 +118,17 @@ class Clocks:
         return clock
 
     def of_boot(self, boot_id: str, t_ns: int) -> BoardClock:
-        """The clock of a start of the daemon; the last one for a start no frame told of."""
+        """The clock of a start of the daemon; the last clock for a start that no frame belongs to."""
         return self._of_boot.get(boot_id) or self.any(t_ns)
 
     def any(self, t_ns: int) -> BoardClock:
-        """The last clock; one that begins at `t_ns` where no frame came at all."""
+        """The last clock; where no frame came at all, one that begins at `t_ns`."""
         if not self.all:
             self.all.append(BoardClock(0, t_ns, 0.0))
         return self.all[-1]
 
     def came(self, clock: BoardClock, t_ns: int, log_time_ns: int) -> None:
-        """A newest frame: its end and its arrival."""
+        """Take the end of a frame that is the newest so far, and its arrival."""
         self.newest_s = max(self.newest_s, clock.seconds(t_ns))
         clock.arrived(t_ns, log_time_ns)
 
@@ -139,5 +139,5 @@ class Clocks:
 
     @property
     def know_utc(self) -> bool:
-        """All of them."""
+        """True when UTC is known for all of them."""
         return bool(self.all) and all(clock.utc_ns(0) is not None for clock in self.all)

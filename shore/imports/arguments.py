@@ -1,4 +1,4 @@
-"""Arguments of `wayfix import`, apart from the work: `wayfix --help` must not wait for numpy."""
+"""Command-line arguments of `wayfix import`, apart from the work: `wayfix --help` must not wait for numpy."""
 
 import argparse
 from pathlib import Path

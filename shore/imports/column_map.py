@@ -1,4 +1,4 @@
-"""The mapping file of a table, as an import reads it: the parts must fit together, and all of them may be left out."""
+"""Column mapping of a table, as an import reads it: the parts must fit together, and all of them may be left out."""
 
 from pathlib import Path
 

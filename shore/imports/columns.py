@@ -1,4 +1,4 @@
-"""A table (CSV) and its mapping: every row, as it is."""
+"""CSV reader: a table and its column mapping, of which every row is taken as it is."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -55,7 +55,7 @@ class ColumnReader:
         ]
         self.accounts = (self._rows, *(account for _, _, _, account in self._parts))
         self._before: dict[str, Any] = {}
-        """What a part's columns said in the row before."""
+        """The columns of each part as they were in the row before."""
         fix = mapping.fix
         self._plane: LocalPlane | None = None
         if fix is not None and fix.origin_lat_deg is not None and fix.origin_lon_deg is not None:
@@ -64,7 +64,7 @@ class ColumnReader:
             self.notes.append("the mapping's noise is for the virtual boat: none was added")
 
     def records(self) -> Iterator[ForeignRecord]:
-        """One for each row."""
+        """Records of the table, one for each row."""
         wraps = 0
         before_ns: int | None = None
         wraps_ns = round(self.mapping.time.wraps_s * NS_PER_S)
@@ -88,7 +88,7 @@ class ColumnReader:
                 yield ForeignRecord(min(t_ns + wraps * wraps_ns, LATEST_NS), row)
 
     def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
-        """Up to one measurement of each part."""
+        """Measurements of a row, up to one of each part."""
         self._rows.taken["with time"] += 1
         for part, name, make, account in self._parts:
             try:
@@ -107,11 +107,11 @@ class ColumnReader:
                 self._before[name] = made[0]
 
     def leave_out(self, _: ForeignRecord, reason: str) -> None:
-        """Count the row."""
+        """Count a row that is left out."""
         self._rows.rejected[f"time: {reason}"] += 1
 
     def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
-        """One for each part; what the mapping's `[facts]` say of them."""
+        """Sensors of the table, one for each part, with what the mapping's `[facts]` say of them."""
         facts = asdict(self.mapping.facts)
         return tuple(
             SensorTable(id=f"{role}1", port=PORT, role=role, rate_hz=rates_hz[f"{role}1"], **facts)

@@ -1,4 +1,4 @@
-"""`wayfix import`: what is asked, what a file is, and what is said of it at the end."""
+"""`wayfix import` (command line): arguments in, and at the end a summary of what was taken and made."""
 
 import argparse
 import os

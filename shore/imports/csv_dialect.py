@@ -1,4 +1,4 @@
-"""The look of a CSV file: its columns and what parts them."""
+"""CSV dialect detection: the columns of a table and the character that parts them."""
 
 import csv
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ _EXAMPLES: Final[dict[str, frozenset[str]]] = {
     "car-imu-gps-map.toml": frozenset({"millis", "yawrate", "latitude"}),
     "catabot-map.toml": frozenset({"mavlink_attitude_t.yawspeed", "mavlink_global_position_int_t.lat"}),
 }
-"""Mapping file -> columns that tell that it fits."""
+"""Mapping file -> columns by which it is recognised as fitting."""
 
 
 class Table(NamedTuple):

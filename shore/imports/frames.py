@@ -1,4 +1,4 @@
-"""Measurements of a recording -> frames of a boat, by the framer of the boat's own daemon."""
+"""Framing of a recording: its measurements become frames of a boat, by the framer of the boat's own daemon."""
 
 import hashlib
 import json
@@ -18,7 +18,7 @@ from common.versions import SCHEMA_VERSION
 from shore.imports.record_times import JUMP_NS
 
 EMPTY_NS: Final = 60 * NS_PER_S
-"""So long a silence is told in empty frames; after that the grid has a hole, as in `wayfix-onboard convert`."""
+"""A silence of up to this long becomes empty frames, ns; a longer one is a hole, as in `wayfix-onboard convert`."""
 PORT: Final = "recorded"
 LARGEST_UTC_NS: Final = 2**63 - 1
 
@@ -28,7 +28,7 @@ class Placed(NamedTuple):
 
     measurement: Measurement
     shift_ns: int
-    """Boat time less this is the recording's own clock."""
+    """Shift of the recording's own clock, ns: it reads boat time less this."""
     epoch: int
 
 
@@ -37,10 +37,10 @@ class RecordingClock:
     """What the recording's own clock is."""
 
     utc_source: str
-    """One of `UTC_SOURCES`; `none` = it counts from anywhere."""
+    """One of `UTC_SOURCES`; `none` = the clock counts from any moment."""
     doubt_ns: int
     shift_ns: int = 0
-    """Boat time less this is UTC, where its clock was right (`Plan.shift_of_date_ns`)."""
+    """Shift between boat time and UTC, ns: where the clock was right, UTC is boat time less this."""
 
     def utc(self, t_ns: int, shift_ns: int) -> Utc:
         """UTC of a boat time; none where the clock, which says `t_ns - shift_ns`, was more than a minute off."""
@@ -59,7 +59,7 @@ def survey(placed: Iterable[Placed]) -> dict[str, float | None]:
     kinds: dict[str, type] = {}
     for measurement, _, _ in placed:
         sensor, t_ns = measurement.sensor, measurement.t_ns
-        # A compass that tells heading, turn and attitude at once measures once.
+        # A compass that gives heading, turn and attitude at once measures once.
         if kinds.setdefault(sensor, type(measurement)) is not type(measurement):
             continue
         step_ns = t_ns - newest.get(sensor, t_ns)
@@ -110,7 +110,7 @@ def greeting_of(config: BoatConfig, digest: str, made: dict[str, Any]) -> dict[s
 
 
 def identity_of(greeting: dict[str, Any]) -> Identity:
-    """The identity that its frames have."""
+    """The identity that all frames of the recording have."""
     return Identity(*(greeting[name] for name in ("boat_id", "boot_id", "clock_id", "start_no")))
 
 
@@ -148,5 +148,5 @@ def frames_of(
 
 
 def count_of(measurement: Measurement) -> str:
-    """Under which word it is counted."""
+    """The word under which a measurement is counted."""
     return "ImuSample" if isinstance(measurement, ImuSample) else type(measurement).__name__

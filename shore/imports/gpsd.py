@@ -1,4 +1,4 @@
-"""gpsd's JSON, one object a line (`gpspipe -w`, or with raw sentences between as in its own tests, `.log.chk`).
+"""Reader of gpsd's JSON, one object a line (`gpspipe -w`, or with raw sentences between as in its own `.log.chk`).
 
 TPV -> Fix, ATT -> Heading or Attitude and TurnRate, IMU -> the same and ImuSample; other classes are counted. Raw
 sentences are passed over: what gpsd made of them stands beside them. Fields: gpsd_json(5).
@@ -18,11 +18,12 @@ from shore.imports.reader import ForeignRecord, Lines, Sources
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of
 
 _QUALITY_OF: Final[dict[int, int]] = {1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 6, 7: 7, 8: 8, 9: 3}
-"""gpsd's status -> quality of GGA: RTK fixed and floating, dead reckoning, surveyed (manual), simulated, P(Y) (PPS)."""
+"""Quality of GGA for each status of gpsd: RTK fixed and floating, dead reckoning, surveyed (manual), simulated, P(Y)
+(PPS)."""
 DAY_MS: Final = 86_400_000
 LARGEST: Final = 1e6
 MOST_WAITING: Final = 50
-"""Objects between two TPVs of one receiver and epoch; more than that, and they are two."""
+"""Most objects between two TPVs of one receiver and epoch; with more between them they are two epochs."""
 
 
 class GpsdReader:
@@ -39,7 +40,7 @@ class GpsdReader:
         self._before: dict[str, dict[str, float]] = {}
 
     def records(self) -> Iterator[ForeignRecord]:
-        """One for each TPV, ATT and IMU; of the TPVs of one epoch of a receiver the last."""
+        """Records: one for each TPV, ATT and IMU; of the TPVs of one epoch of a receiver the last."""
         waiting: list[ForeignRecord] = []
         for line in self._lines:
             record = self._record(line)
@@ -71,11 +72,11 @@ class GpsdReader:
         yield from made
 
     def leave_out(self, record: ForeignRecord, reason: str) -> None:
-        """Count it."""
+        """Count an object that is left out."""
         self.account.rejected[f"{record.content['class']} {reason}"] += 1
 
     def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
-        """One for each device and role."""
+        """Sensors of the file, one for each device and role."""
         return self.sources.tables(PORT, rates_hz)
 
     def _record(self, line: str) -> ForeignRecord | None:

@@ -1,4 +1,4 @@
-"""Where everything in a recording went: each line, row or value is taken, ignored or rejected with a reason."""
+"""Accounting of a recording: each line, row or value is taken, ignored, or rejected with a reason."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -13,24 +13,24 @@ class Account:
     unit: str
     """What is counted, in the plural: lines, rows, values."""
     taken: Counter[str] = field(default_factory=Counter)
-    """By kind."""
+    """Number of units that were taken, by kind."""
     ignored: Counter[str] = field(default_factory=Counter)
-    """By kind: well-formed, but nothing a log of the boat holds."""
+    """Number of units that were ignored, by kind: they are well-formed, but a log of the boat does not hold them."""
     rejected: Counter[str] = field(default_factory=Counter)
-    """By reason."""
+    """Number of units that were rejected, by reason."""
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """Number of all units."""
         return self.taken.total() + self.ignored.total() + self.rejected.total()
 
     def as_record(self) -> dict[str, Any]:
-        """For JSON, sorted, so that the same recording gives the same bytes."""
+        """The counts for JSON, sorted, so that the same recording gives the same bytes."""
         groups = {name: dict(sorted(getattr(self, name).items())) for name in ("taken", "ignored", "rejected")}
         return {"total": self.total, **groups}
 
     def words(self) -> Iterator[str]:
-        """For a person: a heading and a row for each group."""
+        """The counts for a person: a heading and a row for each group."""
         yield f"{self.total} {self.unit}"
         for name in ("taken", "ignored", "rejected"):
             counts: Counter[str] = getattr(self, name)

@@ -1,4 +1,4 @@
-"""Frames -> a log like that of a live run. Every time in it is of the data, none of the clock on the wall."""
+"""Log maker: frames become a log like that of a live run. Its times come from the data, none from the wall clock."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -26,18 +26,18 @@ class Written:
 
     frames: int = 0
     bad: int = 0
-    """Frames that were not understood."""
+    """Number of frames that could not be decoded."""
     seconds: float = 0.0
     utc_ns: int | None = None
     """When the recording began; `None` = it does not say."""
     measurements: Counter[str] = field(default_factory=Counter)
     usable_fixes: int = 0
     estimates: Counter[str] = field(default_factory=Counter)
-    """By filter."""
+    """Number of estimates of each filter."""
     aligned: int = 0
-    """Estimates of the first filter that were valid."""
+    """Number of valid estimates of the first filter."""
     events: Counter[str] = field(default_factory=Counter)
-    """By level."""
+    """Number of events of each level."""
 
 
 class ImportCounts(Watcher):

@@ -1,4 +1,4 @@
-"""What every reader of a foreign recording does, and the sensors that it finds on its way."""
+"""Reader interface of foreign recordings: what every reader does, and the sensors that it finds on its way."""
 
 import hashlib
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ class ForeignRecord(NamedTuple):
     """Something in a recording that may hold measurements."""
 
     t_ns: int | None
-    """Its own time (UTC or from anywhere), whole us; `None` = it has none."""
+    """The record's own time (UTC, or counted from any moment), ns in whole us; `None` = it has none."""
     content: Any
 
 
@@ -26,20 +26,20 @@ class RecordingReader(Protocol):
     accounts: tuple[Account, ...]
     boat: BoatTable
     is_utc: bool
-    """The records' times are UTC."""
+    """True when the times of the records are UTC."""
     notes: list[str]
     """What a person should know about the pass."""
     sources: "Sources"
-    """Which sensors are whose; the second pass over a file is given those of the first."""
+    """Sensors by source; the second pass over a file is given those of the first."""
 
     def records(self) -> Iterator[ForeignRecord]:
-        """What may hold measurements, in the order of the file; everything else is counted and passed over."""
+        """Records that may hold measurements, in the order of the file; everything else is counted and passed over."""
 
     def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
-        """The measurements of a record at this boat time; counted."""
+        """The measurements of a record at this boat time; they are counted."""
 
     def leave_out(self, record: ForeignRecord, reason: str, /) -> None:
-        """A record without a time that could be used; counted."""
+        """Count a record without a time that could be used."""
 
     def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
         """The sensors that were found in the pass, each with what it says of itself."""
@@ -50,10 +50,10 @@ class Sources:
     """Sensor ids (role + number) of the sources of a recording, in the order in which they first speak."""
 
     names: dict[tuple[str, str], str] = field(default_factory=dict)
-    """(role, source) -> sensor id."""
+    """Sensor id by role and source."""
 
     def id_of(self, role: str, source: str) -> str:
-        """The sensor of this role at a source."""
+        """The id of the sensor with this role at a source."""
         key = (role, source)
         if key not in self.names:
             self.names[key] = f"{role}{1 + sum(known == role for known, _ in self.names)}"
@@ -62,7 +62,7 @@ class Sources:
     def tables(self, port: str, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
         """`[[sensor]]` of each that measured anything, by role and number.
 
-        How somebody else's IMU is mounted is not known: it is recorded, not fused.
+        How the IMU of another boat is mounted is not known: it is recorded, not fused.
         """
         return tuple(
             SensorTable(
@@ -85,7 +85,7 @@ class Lines:
     """The lines of a text file, read as they are needed."""
 
     def __init__(self, path: Path, progress: Callable[[int], None] | None = None) -> None:
-        """Progress is told the bytes of each line."""
+        """progress: called with the number of bytes of each line."""
         self._path = path
         self._progress = progress
 
@@ -103,7 +103,7 @@ class Lines:
 
 
 LONGEST_LINE: int = 1 << 22
-"""Bytes; a longer one is cut there, and no record any more."""
+"""Longest line, bytes; a longer one is cut there, and is not a record."""
 
 
 def _pieces(stream: BinaryIO) -> Iterator[bytes]:

@@ -1,4 +1,4 @@
-"""What a file is, told by its content, never by its name; and one sentence for what cannot be imported."""
+"""File type detection by content (magic numbers), never by name; one sentence says why a file cannot be imported."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from common.frames_file import is_frames_file
 from shore.imports.csv_dialect import Table, example_of, table_in
 
 HEAD_BYTES: Final = 1 << 18
-"""Enough of a file to tell what it is."""
+"""Number of bytes at the beginning of a file that are enough to recognise it."""
 MOST_NAMED: Final = 24
 _EXAMPLES: Final = "examples are in deploy/examples"
 _AS_UTF8: Final = "convert it with `iconv -f UTF-16 -t UTF-8 FILE > OUT`"
@@ -60,20 +60,20 @@ _EXPORTS: Final = {
     b"of wayfix export": "KML",
     b"wayfix-export": "MCAP",
 }
-"""Of our own: what stands in the first bytes of an export, and its form."""
+"""Bytes near the beginning of one of our own exports -> the format of that export."""
 _MCAP: Final = b"\x89MCAP0\r\n"
 _UBX: Final = b"\xb5\x62"
 _SENTENCE: Final = re.compile(rb"[$!][A-Z0-9]{4,6},[^\r\n$!]*")
 _OTHER_DEVICE: Final = re.compile(rb"!!!.*\*\*\*|\$C[0-9]+\.[0-9].*|%-?[0-9]{3}[0-9.].*")
-"""Lines of an ArduIMU, a TCM2, a KVH."""
+"""Lines of an ArduIMU, a TCM2 or a KVH compass."""
 SERVER_LINE: Final = re.compile(r"([0-9]{10,13}|[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9:.]+Z?);([^;]*);(.*)")
-"""Time (ms since 1970, or ISO 8601), provider, payload."""
+"""Line of a server's log: time (ms since 1970, or ISO 8601), provider, payload."""
 _PROGRAM_LOG: Final = re.compile(rb"[0-9]{4}-[0-9]{2}-[0-9]{2} [0-9:,.]+ - [A-Z]+ - ")
 _JSON_KEY: Final = re.compile(r'"(\w+)"\s*:')
 
 
 def recognise(path: Path, *, has_map: bool, is_serial: bool) -> RecordingKind:
-    """The kind of a file; `is_serial`: somebody says that it is a recording of a port (--config).
+    """The kind of a file; `is_serial`: the user says that it is a recording of a port (--config).
 
     Raises WayfixError for what cannot be imported, with what it looks like and what to do.
     """
@@ -121,7 +121,7 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
 
 def _head(path: Path) -> bytes:
     try:
-        # Non-blocking: opening a pipe that nobody writes to would wait for ever.
+        # Non-blocking: opening a pipe without a writer would wait for ever.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         with os.fdopen(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
@@ -148,7 +148,7 @@ def _refuse_magic(path: Path, head: bytes) -> None:
 
 
 def _json_kind(path: Path, lines: list[bytes]) -> RecordingKind | None:
-    """By the first lines that are JSON objects; `None` where there are none."""
+    """Kind of the file by the first lines that are JSON objects; `None` where there are none."""
     votes: Counter[RecordingKind] = Counter()
     for content in _objects(lines):
         if isinstance(content.get("updates"), list):

@@ -1,11 +1,11 @@
-"""When each record of a recording was: from the records' own times to one boat clock that never goes back.
+"""Timestamp repair: from the records' own times to one boat clock that never goes back.
 
 Pure. A record's time is UTC, or counts from anywhere; some have none, some are wrong:
 
 - A time that lies back by more than `LATE_NS`, or is passed by the records behind it (a year ahead, and back again), is
   wrong: the record is left out and counted.
 - A step that lasts, back (a clock that was set) or ahead by more than `LONGEST_GAP_NS` (a receiver before its first
-  fix: 1980), moves boat time on by one ordinary step, and UTC against it; the frames tell it by `clk_epoch`. A shorter
+  fix: 1980), moves boat time on by one ordinary step, and UTC against it; the frames show it by `clk_epoch`. A shorter
   step ahead that lasts is a gap of the recording.
 - So the records fall into stretches between steps. The date of all is that of the longest one, by records, of those
   after 1999 if there is any; what another stretch says of UTC counts only where it differs by less than a minute.
@@ -26,23 +26,23 @@ from common.clock import whole_us
 from common.units import NS_PER_S
 
 NO_TIME: Final = -(2**63)
-"""Stands for a record without a time, and for one that is left out."""
+"""Value that stands for a record without a time, and for one that is left out."""
 LATE_NS: Final = NS_PER_S
-"""Several sources of one recording are seldom in order to the millisecond."""
+"""Most that a time may lie back, ns: several sources of a recording are seldom in order to the millisecond."""
 JUMP_NS: Final = 60 * NS_PER_S
-"""A longer step ahead, and the first time of all, is looked at twice:"""
+"""A step ahead that is longer than this, ns, and the first time of all, are checked against the records behind them."""
 ASKED: Final = 4
-"""at least half of so many records behind it must not lie before it."""
+"""Number of records behind it that are asked: at least half of them must not lie before it."""
 LONGEST_GAP_NS: Final = 366 * 86_400 * NS_PER_S
-"""A year: no recording is interrupted for longer."""
+"""Longest gap, a year in ns: no recording is interrupted for longer."""
 EARLIEST_UTC_NS: Final = 946_684_800 * NS_PER_S
-"""1 January 2000: clocks that were never set say 1970 or 1980."""
+"""1 January 2000, ns since 1970: clocks that were never set give 1970 or 1980."""
 LATEST_NS: Final = 2**62
-"""The year 2116. Boat time beyond it is nobody's."""
+"""Latest boat time, the year 2116, ns: a later time cannot be right."""
 BELIEVED: Final = 3
-"""So many records in a row that agree make a step."""
+"""Number of records in a row that must agree before a step is accepted."""
 LONGEST_STEP_NS: Final = 10 * NS_PER_S
-"""Records without time are not spread over more than this, nor over more than five ordinary steps."""
+"""Longest span over which records without time are spread, ns; five ordinary steps limit it too."""
 
 
 class Plan:
@@ -58,15 +58,16 @@ class Plan:
         if spread:
             _drop_repeats(self._at)
         self.timed = any(t_ns != NO_TIME for t_ns in self._at)
-        """There are times in it."""
+        """True when any record has a time."""
         self._steps = [(0, 0)]
-        """(number of the record, what its clock is behind boat time from there on, ns)."""
+        """Clock steps: number of the first record behind each, and what its clock is behind boat time from there on,
+        ns."""
         self.doubted: set[int] = set()
-        """Numbers of the records whose time was wrong."""
+        """Numbers of the records whose own time was wrong."""
         self.shift_of_date_ns = 0
-        """The shift where the longest stretch is: boat time less this is the UTC of the recording."""
+        """Shift of the longest stretch, ns: boat time less this is the UTC of the recording."""
         self.misdated = 0
-        """Records whose own time is more than a minute off that UTC."""
+        """Number of records whose own time is more than a minute off that UTC."""
         if self.timed:
             self._put_in_order()
             self._place_between()
@@ -81,11 +82,11 @@ class Plan:
         return None if t_ns == NO_TIME else t_ns
 
     def shift_ns(self, number: int) -> int:
-        """What has to be taken from boat time there to get the record's own clock."""
+        """Shift at that record, ns: boat time less this is the record's own clock."""
         return self._steps[bisect_right(self._steps, number, key=lambda step: step[0]) - 1][1]
 
     def epoch(self, number: int) -> int:
-        """How often the clock was set before that record."""
+        """How many times the clock was set before that record."""
         return bisect_right(self._steps, number, key=lambda step: step[0]) - 1
 
     def _put_in_order(self) -> None:
@@ -114,7 +115,7 @@ class Plan:
         self.misdated = sum(n for shift, n in placed.items() if abs(shift - self.shift_of_date_ns) > JUMP_NS)
 
     def _place_between(self) -> None:
-        """Records without time, evenly."""
+        """Place records without time evenly between their neighbours (interpolation)."""
         anchors = [number for number, t_ns in enumerate(self._at) if t_ns != NO_TIME]
         step_ns = _ordinary_step_ns([self._at[number] for number in anchors])
         longest_ns = max(LONGEST_STEP_NS, 5 * step_ns)

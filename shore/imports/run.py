@@ -1,4 +1,4 @@
-"""The ways of an import, by kind of file; all of them end in `write`."""
+"""Import pipelines, one for each kind of file; all of them end in `write`."""
 
 import sys
 import tempfile
@@ -31,7 +31,7 @@ from shore.imports.signalk import SELF, SignalKReader, own_contexts
 from shore.terminal import say
 
 PACE_HZ: Final = 1.0
-"""JSON without any time."""
+"""Pace of JSON records without any time, Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,19 +39,19 @@ class ImportOptions:
     """What an import was asked for."""
 
     filters: tuple[str, ...] = ()
-    """The first leads; none = frames only."""
+    """Names of the filters, the first leads; empty = the log holds frames only."""
     trip: dict[str, Any] | None = None
-    """What a person calls it (`trip_record`)."""
+    """Name, place and note of the trip (`trip_record`); `None` = none was given."""
     map: Path | None = None
-    """Which column of a table is what; a table needs it."""
+    """Mapping file that says which column of a table is what; a table needs one."""
     config: Path | None = None
-    """The boat's file; `None` = the sensors are those found in the recording."""
+    """The boat's configuration file; `None` = the sensors are those found in the recording."""
     port: str | None = None
-    """`[[port]]` of `config` that a serial recording is of."""
+    """The `[[port]]` of `config` that a serial recording comes from."""
     vessel: str | None = None
-    """Whose Signal K deltas; `None` = the server's own."""
+    """The vessel whose Signal K deltas are read; `None` = the server's own."""
     lines_per_second: float | None = None
-    """Pace of a recording without times."""
+    """Pace of a recording without times, lines a second."""
 
 
 @dataclass(slots=True)
@@ -65,11 +65,11 @@ class Job:
     accounts: tuple[Account, ...] = ()
     notes: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
-    """What else is kept in the log: sensor -> source, gaps."""
+    """Facts that are kept in the log besides: the source of each sensor, gaps."""
     digest: str = ""
 
     def record(self) -> dict[str, Any]:
-        """Of the log's `end` record and the summary."""
+        """Record of the import for the log's `end` record and for the summary."""
         accounts = {account.unit: account.as_record() for account in self.accounts}
         made = {"file": self.source.name, "sha256": self.digest, "kind": str(self.kind)}
         return {**made, "accounts": accounts, "notes": self.notes, **self.facts}
@@ -104,7 +104,7 @@ def _from_deltas(job: Job) -> tuple[bool, Written]:
 
 
 def _from_server_log(job: Job, directory: Path) -> tuple[bool, Written]:
-    """Its sentences where it has any, else its deltas."""
+    """Import a server's log: its sentences where it has any, else its deltas."""
     log = serial_port.ServerLog(job.source, directory / job.source.name)
     if not log.sentences:
         return _from_deltas(job)
@@ -149,7 +149,7 @@ def _from_serial(job: Job, source: Path, frames: Path, log: serial_port.ServerLo
 def _from_frames_file(
     job: Job, path: Path, hint_ns: int | None = None, count: int | None = None
 ) -> tuple[bool, Written]:
-    """hint_ns: UTC of the first line where nothing else tells it; count: of the frames, for the bar."""
+    """hint_ns: UTC of the first line where nothing else gives it; count: of the frames, for the bar."""
     job.digest = digest_of(job.source)
     with FramesFile(path) as file:
         first = next(_decoded(file.frames()), None)
@@ -250,7 +250,7 @@ def _shown(items: Iterator[bytes], words: str, total: int | None) -> Iterable[by
 
 @contextmanager
 def _bytes_shown(words: str, size: int) -> Iterator[Callable[[int], None] | None]:
-    """A bar over the bytes of a file; `None` where nobody looks."""
+    """A bar over the bytes of a file; `None` where stderr is no terminal."""
     if not (sys.stderr and sys.stderr.isatty()):
         yield None
         return

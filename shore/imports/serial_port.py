@@ -1,4 +1,4 @@
-"""A recording of a serial port: `wayfix-onboard convert`, the boat's own decoders, in a process of its own."""
+"""Reader of serial recordings: `wayfix-onboard convert`, the boat's own decoders, in a process of its own."""
 
 import json
 import subprocess
@@ -69,7 +69,7 @@ class ServerLog:
         self.sentences = self.deltas = 0
         self.providers: Counter[str] = Counter()
         self.first_ns: int | None = None
-        """Time of the first sentence, by the server."""
+        """Time of the first sentence by the server's clock, ns since 1970; `None` = there was none."""
         self._last_ns: int | None = None
         with target.open("wb") as stream:
             for line in Lines(source):
@@ -79,7 +79,7 @@ class ServerLog:
 
     @property
     def lines_per_second(self) -> float | None:
-        """The pace of the sentences; `None` where their times tell none."""
+        """Pace of the sentences, lines a second; `None` where their times do not show it."""
         if self.first_ns is None or self._last_ns is None or self._last_ns <= self.first_ns:
             return None
         return min(1e5, max(1e-3, (self.sentences - 1) * 1e9 / (self._last_ns - self.first_ns)))

@@ -1,4 +1,4 @@
-"""Signal K deltas, one a line, alone or in a server's log (`<ms or ISO time>;<provider>;<delta>`).
+"""Reader of Signal K deltas, one a line, alone or in a server's log (`<ms or ISO time>;<provider>;<delta>`).
 
 Of the boat's own vessel: navigation.position, speedOverGround and courseOverGroundTrue of one source and moment are one
 Fix; headingTrue and headingMagnetic with magneticVariation a Heading; rateOfTurn a TurnRate; attitude an Attitude.
@@ -30,9 +30,9 @@ NOBODY: Final = "nobody"
 NO_VESSELS: Final = ("atons.", "aircraft.", "sar.")
 MOST_NAMED: Final = 8
 DERIVED: Final = "derived-data"
-"""A plugin of the server that works values out of others: the same measurement twice."""
+"""Name of a server plugin that computes values from others: they repeat a measurement."""
 OVER_NS: Final = 200 * NS_PER_MS
-"""The values of one moment of a source stand closer together than this."""
+"""Values of one moment of a source come closer together than this, ns."""
 _NAVIGATION: Final = "navigation."
 PATHS: Final = (
     "position",
@@ -128,7 +128,7 @@ class SignalKReader:
         yield from self._motions(moment.source, good, t_ns)
 
     def leave_out(self, record: ForeignRecord, reason: str) -> None:
-        """Count its values."""
+        """Count the values of a record that is left out."""
         self.account.rejected[reason] += len(record.content.values)
 
     def sensors(self, rates_hz: dict[str, float | None]) -> tuple[SensorTable, ...]:
@@ -136,7 +136,7 @@ class SignalKReader:
         return self.sources.tables(PORT, rates_hz)
 
     def _own_values(self, update: _Update) -> dict[str, Any]:
-        """Of the paths that are read; the others are counted."""
+        """Values of the paths that are read; the others are counted."""
         found: dict[str, Any] = {}
         if not update.values:
             self.account.ignored["update without values"] += 1
@@ -208,7 +208,7 @@ def _closed(open_moments: dict[str, SourceValues], update: _Update) -> Iterator[
 
 
 def _is_over(moment: SourceValues, update: _Update) -> bool:
-    """Nothing more belongs to it: its source speaks of another time, or others are ahead of it."""
+    """True when nothing more belongs to the moment: its source gives another time, or others are ahead of it."""
     if moment.t_ns is None or update.t_ns is None:
         return moment.source == update.source
     return moment.t_ns != update.t_ns if moment.source == update.source else update.t_ns > moment.t_ns + OVER_NS
@@ -254,19 +254,19 @@ def own_contexts(lines: Lines, wanted: str | None, file: str) -> tuple[str, ...]
 
 
 def _fits(context: str, wanted: str) -> bool:
-    """By its whole name, or the number at its end."""
+    """Whether a context is the one wanted, by its whole name or the number at its end."""
     name, wanted = context.removeprefix("vessels.").lower(), wanted.strip().removeprefix("vessels.").lower()
     return name == wanted or name.endswith(f":{wanted}")
 
 
 def _has_values(content: dict[str, Any]) -> bool:
-    """Whether a delta says anything: one of mere descriptions does not tell whose boat this is."""
+    """Whether a delta has any values: one with descriptions only does not show which boat this is."""
     updates = content.get("updates")
     return isinstance(updates, list) and any(isinstance(item, dict) and item.get("values") for item in updates)
 
 
 def _context_of(content: dict[str, Any]) -> str:
-    """Whom a delta speaks of; without a word it is the boat itself, and what is no word is nobody."""
+    """The vessel that a delta is about; without a context it is the boat itself, and what is no text is no vessel."""
     context = content.get("context") or SELF
     return context if isinstance(context, str) else NOBODY
 

@@ -1,4 +1,4 @@
-"""Numbers, angles and times out of foreign records. Whatever is wrong is `Rejected`; nothing else is ever raised."""
+"""Parsers of numbers, angles and times in foreign records. A wrong value raises `Rejected` and nothing else."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Arguments of `wayfix lab`, apart from the laboratory itself: `wayfix --help` must not wait for numpy."""
+"""Command-line arguments of `wayfix lab`, apart from the laboratory itself: `wayfix --help` must not wait for numpy."""
 
 import argparse
 import os

@@ -40,9 +40,9 @@ EIGHT: Final = StateSpace(
         Extra("accel_bias_stb_m_s2", BIAS_ACCEL_M_S2),
     )
 )
-"""States of a filter whose IMU was not calibrated."""
+"""State space of a filter whose IMU was not calibrated: the five states and three biases."""
 LIVE_STEPS: Final = 200
-"""Steps of one boat whose time is taken."""
+"""Number of steps of one boat over which its processor time is taken."""
 _NS_PER_S: Final = 10**9
 
 
@@ -91,7 +91,7 @@ class Setting:
 
     @property
     def told(self) -> Assumed:
-        """What the filters are told."""
+        """Noise and start that the filters assume."""
         told = self.scenario.assumed if self.profile == "stated" else self.scenario.compat
         if told is None:
             cure = "use --profile stated"
@@ -130,7 +130,7 @@ class Setting:
 
     @property
     def spans(self) -> dict[str, slice]:
-        """Stretches that are scored."""
+        """Stretches of the run that are scored."""
         return spans(len(self.runs.truth), self.change, np.flatnonzero(~self.runs.has_gps), biased=self.biased)
 
     def space(self, method: Method) -> StateSpace:
@@ -138,14 +138,14 @@ class Setting:
         return EIGHT if self.biased and not (method.five or method.knows_bias) else FIVE
 
     def told_facts(self, space: StateSpace) -> FilterFacts:
-        """Facts of an ordinary filter."""
+        """Facts that an ordinary filter is given."""
         told = self.told
         variances = (told.gps_east_m**2, told.gps_north_m**2, math.radians(told.compass_deg) ** 2)
         gyro = math.radians(told.gyro_density_deg)
         return _facts(variances, ProcessNoise(told.accel_density, told.accel_density, gyro), space, self.runs.step_s)
 
     def true_facts(self, step: int, space: StateSpace) -> FilterFacts:
-        """Facts of the oracle for the step that ends in row `step`."""
+        """Facts that the oracle is given for the step that ends in row `step`."""
         runs = self.runs
         variances = (*np.square(runs.gps_m[step]).tolist(), float(runs.compass_sigma_rad[step]) ** 2)
         root_s = math.sqrt(runs.step_s)
@@ -254,7 +254,7 @@ class _Record:
 
 
 def _first(value: Number | None) -> float:
-    """Of the first run; NaN when there is none."""
+    """Values of the first run; NaN when there is none."""
     if value is None:
         return math.nan
     return float(value[0]) if isinstance(value, np.ndarray) else value

@@ -20,9 +20,9 @@ from shore.navigation.numbers import Array, wrapped
 from shore.report.run_picture import STYLES
 
 WINDOW: Final = 30
-"""N of Eq. 5.24 for the actual R."""
+"""Number of errors N in the window of Eq. 5.24 for the actual R."""
 ENLARGED_M: Final = 35.0
-"""Half width of the enlarged piece of track."""
+"""Half width of the enlarged piece of track, m."""
 ENLARGED_S: Final = 60.0
 AXES: Final = ("east", "north", "heading")
 UNITS: Final = ("m", "m", "deg")
@@ -43,7 +43,7 @@ LAB_STYLES: Final[dict[str, dict[str, Any]]] = {
 }
 HEIGHTS_IN: Final = {"tracks": 6.2, "headings": 5.4, "rms": 5.4, "noise": 7.0}
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis")
-"""Wide lines that others may lie upon."""
+"""Methods that are drawn first, as wide lines, because others may lie upon them."""
 DRAWN_LAST: Final = "fuzzy"
 TRUTH: Final[dict[str, Any]] = {"color": "#222222", "linewidth": 2.0}
 BOUND: Final[dict[str, Any]] = {"color": "#222222", "linewidth": 1.2, "linestyle": (0, (1, 1))}

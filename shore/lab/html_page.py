@@ -1,4 +1,4 @@
-"""Small pieces of a self-contained page: tables, figures with captions, one style sheet, nothing from the network."""
+"""HTML building blocks of a self-contained page: tables, figures with captions, one style sheet, nothing external."""
 
 import base64
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,7 @@
 """Baselines of the laboratory by name, dead reckoning and an oracle among them, beside the station's filters.
 
 All of them are the station's engine, some with a part taken away: dead reckoning never updates, static fusion never
-predicts, the oracle is told the true noise of every step. The interval filter carries bounds beside it.
+predicts, the oracle is given the true noise of every step. The interval filter carries bounds beside it.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -131,11 +131,11 @@ class Method:
     text: str
     build: Callable[[FilterFacts], Stepped]
     knows_noise: bool = False
-    """Told the true noise of each step instead of what is written in a table."""
+    """True when the method is given the true noise of each step instead of a table's values."""
     knows_bias: bool = False
-    """The IMU's true biases are removed before it; otherwise it has states for them where they were left in."""
+    """True when the IMU's true biases are removed before it; else it has states for those that were left in."""
     five: bool = False
-    """Has no states for biases, even where they were left in."""
+    """True when it has no states for biases, even where they were left in."""
 
 
 _TEXTS: Final[Mapping[str, str]] = {
@@ -159,7 +159,7 @@ METHODS: Final[Mapping[str, Method]] = {
     "static": Method("recursive mean of fixes of a moored boat (Eqs 4.1-4.9)", partial(StaticFusion, "kf"), five=True),
     "interval-kf": Method("KF, heading within bounds of the gyro's bias (Table 2.6)", IntervalKalman),
 }
-"""Name -> method."""
+"""All methods of the laboratory, by name."""
 
 
 def check_methods(names: Iterable[str]) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from shore.lab.batch import Outcome, Profile, Setting, merged, raw_outcome, run_
 from shore.navigation.numbers import Array
 
 CHUNK: Final = 250
-"""Runs in one array: larger ones leave the cache, smaller ones wait for Python."""
+"""Number of runs in one array: larger arrays leave the cache, smaller ones wait for Python."""
 RAW: Final = "raw"
 """Name of the sensors themselves among the methods."""
 
@@ -41,13 +41,13 @@ class Result:
     """All runs of one scenario under one profile."""
 
     setting: Setting
-    """The scenario with its first run only."""
+    """The scenario under one profile, with its first run only."""
     runs: int
     seed: int
     asked: tuple[str, ...]
     """Methods that were asked for; the reference of the ratios is run in any case."""
     outcomes: dict[str, Outcome]
-    """Method, or `raw` -> what it did."""
+    """What each method did, by its name; the sensors themselves are `raw`."""
     bound: Array
     """Posterior Cramer-Rao bound at each step, (k, 3), in the units of `statistics.COMPONENTS`."""
 
@@ -73,7 +73,7 @@ class Campaign:
     profile: Profile
 
     def tasks(self) -> list[Task]:
-        """In the order of scenarios, methods, runs."""
+        """All tasks in the order of scenarios, methods, runs."""
         return [
             Task(scenario, method, self.profile, self.seed, first, min(CHUNK, self.runs - first))
             for scenario in self.scenarios

@@ -1,4 +1,4 @@
-"""From outcomes to figures: what a table, the JSON line and the page of the thesis say of a result."""
+"""Scores of the methods (MSE, NEES, NIS) for tables, the JSON line and the page of the thesis."""
 
 import math
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from shore.navigation.numbers import Array
 
 WHOLE: Final = "whole"
 ODD: Final = 2.0
-"""|z| below which a published value is within the spread of one run."""
+"""Limit of |z|: a published value below it is within the spread of one run."""
 
 LEAST_RUNS_FOR_Z: Final = 10
-"""With fewer, the spread of single runs is not known."""
+"""Least number of runs from which the spread of single runs is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class MethodScore:
     ratio: tuple[IntervalEstimate, ...]
     """Mean MSE / mean MSE of the reference, same runs."""
     to_bound: tuple[float, ...]
-    """Mean MSE / Cramer-Rao bound; NaN for a method that is told the biases which the bound's filter has to find."""
+    """Mean MSE / Cramer-Rao bound; NaN for a method that is given the biases which the bound's filter has to find."""
     anees: float
     """Average normalised estimation error squared over steps and runs; 5 expected."""
     anis: float
@@ -79,7 +79,7 @@ class ThesisComparison:
 
 
 def comparisons(result: Result) -> list[ThesisComparison]:
-    """For each printed row whose method was run."""
+    """Comparisons with each printed row whose method was run."""
     printed = PUBLISHED.get(result.name)
     found = []
     for method, row in printed.rows.items() if printed else ():

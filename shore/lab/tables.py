@@ -1,4 +1,4 @@
-"""The tables of `lab list` and `lab run` for people."""
+"""Terminal tables of `lab list` and `lab run`."""
 
 import math
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from shore.lab.statistics import IntervalEstimate
 from shore.lab.thesis_published import PUBLISHED, RAW_AFTER_CHANGE
 
 LEAST_WIDTH = 170
-"""Characters, where the output is no terminal."""
+"""Width in characters where the output is no terminal."""
 
 
 class _Terminal(Console):
@@ -32,7 +32,7 @@ def console(*, stderr: bool = False) -> Console:
 
 
 def lists() -> Iterable[RenderableType]:
-    """Scenarios by group, then methods."""
+    """The scenarios by group, then the methods."""
     for group in dict.fromkeys(scenario.group for scenario in SCENARIOS.values()):
         table = Table(title=f"Scenarios: {group}", title_justify="left", box=None, pad_edge=False)
         for heading in ("name", "published", "what"):
@@ -150,7 +150,7 @@ def _mse_cell(mean: IntervalEstimate, sd: float) -> str:
 
 
 def half_width(estimate: IntervalEstimate) -> float:
-    """Of the interval."""
+    """Half width of the interval."""
     return 0.5 * (estimate.interval.high - estimate.interval.low)
 
 

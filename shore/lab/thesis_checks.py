@@ -1,4 +1,4 @@
-"""What should hold over chapters 4 and 5, and whether it does in these runs."""
+"""Claims of chapters 4 and 5 (acceptance checks): what should hold, and whether it does in these runs."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final, NamedTuple
@@ -15,7 +15,7 @@ CHAPTER_5: Final = ("5.1", "5.2", "5.3")
 POSITION, HEADING, ALL = (0, 1), (2,), (0, 1, 2)
 
 Results = Mapping[tuple[str, str], Result]
-"""(scenario, profile) -> all its runs."""
+"""All runs of a scenario under a profile, by (scenario, profile)."""
 
 
 class Check(NamedTuple):

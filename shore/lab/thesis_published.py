@@ -23,9 +23,9 @@ class Published:
 
     table: str
     rows: Mapping[str, Mse]
-    """Method -> what is printed."""
+    """Published mean squared errors, by method."""
     remark: str = ""
-    """What is odd about the numbers themselves."""
+    """A remark on what is odd about the numbers themselves; empty = nothing."""
 
 
 PUBLISHED: Final[Mapping[str, Published]] = {
@@ -71,10 +71,10 @@ PUBLISHED: Final[Mapping[str, Published]] = {
         "rows the whole run. z of the raw rows is taken after the change.",
     ),
 }
-"""Scenario -> what is printed about it."""
+"""Published results, by scenario."""
 
 RAW_AFTER_CHANGE: Final = ("5.3",)
 """Scenarios whose raw row covers only the steps after the change."""
 
 US_PER_STEP: Final = {"simulation": 2300.0, "trial": 1700.0}
-"""Time of one step as the thesis quotes it (sections 5.2.3 and 5.3.2)."""
+"""Processor time of one step as the thesis quotes it (sections 5.2.3 and 5.3.2), us."""

@@ -1,4 +1,4 @@
-"""Where the text of the thesis can be read in two ways or contradicts itself, and how we read it."""
+"""Errata of the thesis: where its text can be read in two ways or contradicts itself, and how we read it."""
 
 from typing import Final, NamedTuple
 
@@ -7,11 +7,11 @@ class Reading(NamedTuple):
     """One place of the thesis that can be read in two ways."""
 
     where: str
-    """Equation, table, figure or section."""
+    """Equation, table, figure or section of the thesis."""
     doubt: str
-    """What is unclear or contradicts itself."""
+    """What is unclear in the text, or contradicts itself."""
     ours: str
-    """How it is read here."""
+    """How the text is read in this program."""
 
 
 READINGS: Final = (

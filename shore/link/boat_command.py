@@ -10,7 +10,7 @@ from shore.terminal import add_json, finish, say, tell
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `wayfix boat`."""
+    """Add the arguments of `wayfix boat`."""
     actions = parser.add_subparsers(required=True, metavar="ACTION", dest="action")
     _add(actions, "status", "how the daemon is: sensors, clients, spool")
     reopen = _add(actions, "reopen", "open the port of a sensor anew")
@@ -30,7 +30,7 @@ def _add(actions: Any, name: str, words: str) -> argparse.ArgumentParser:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Say what the board answers."""
+    """Ask the board, and print what it answers."""
     from shore.link.known_boats import Boats
 
     boats = Boats(arguments.keys)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from shore.link.link import Link
 
 SEEK_PAUSE_S: Final = 5.0
-"""Between two searches for a lost boat, which last up to 5 s each."""
+"""Pause between two searches for a lost boat, s; a search lasts up to 5 s."""
 
 
 def add_meeting_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +51,7 @@ def meet(arguments: argparse.Namespace, boats: "Boats") -> tuple[str, "Boat | No
         return arguments.address, None if arguments.open else boats.choose(arguments.address, arguments.boat)
     known: list[Boat] = [] if arguments.open else boats.meant(arguments.boat)
     if known:
-        boats.link_keys(known[0])  # own keys at fault are told once, not of each address
+        boats.link_keys(known[0])  # a fault in our own keys is reported once, not for each address
     say("looking for the boat" if arguments.open else f"looking for {', '.join(boat.boat_id for boat in known)}")
     found, boat = _look(known, boats)
     say(f"{'a boat' if boat is None else boat.boat_id} is at {found.address} ({found.how})")
@@ -70,7 +70,7 @@ class Seeker:
         self._ended_ns = -self._pause_ns
 
     def ask(self) -> str | None:
-        """The address that was found since the last question, once; begins to look when nobody does."""
+        """The address that was found since the last question, once; begins a search when none is running."""
         found = None
         if self._is_looking:
             with suppress(queue.Empty):
@@ -102,7 +102,7 @@ def looker(boat: "Boat", boats: "Boats") -> Callable[[], str]:
 
 
 def _look(known: "list[Boat]", boats: "Boats") -> "tuple[Candidate, Boat | None]":
-    """Where one of these boats is, and which (none known: any open one); raises LinkError."""
+    """Address of one of these boats, and which boat it is (none known: any open one); raises LinkError."""
     from shore.link.discovery import find
 
     met: dict[str, Boat | None] = {}
@@ -132,7 +132,7 @@ def _who_answers(address: str, boats: "Boats", tried: "list[Boat | None]", secon
 
 
 def _greet(address: str, boats: "Boats", boat: "Boat | None", seconds: float) -> None:
-    """Raises LinkError when this boat is not there."""
+    """Greet this boat. Raises LinkError when it is not there."""
     from shore.link.link import Link
 
     link = Link(address, keys=boats.link_keys(boat))

@@ -28,7 +28,7 @@ from shore.link.link import endpoint
 
 LIMIT_S: Final = 5.0
 SERVICE: Final = "_wayfix._tcp.local."
-"""As deploy/avahi/wayfix.service announces it; TXT `boat` = the boat's id."""
+"""Service type that deploy/avahi/wayfix.service announces; its TXT record `boat` is the boat's id."""
 MDNS: Final = "mDNS"
 _ROUTES_V4: Final = Path("/proc/net/route")
 _ROUTES_V6: Final = Path("/proc/net/ipv6_route")
@@ -44,13 +44,13 @@ class Candidate:
     address: str
     """HOST or HOST:PORT, as `shore.link.link.endpoint` reads it."""
     how: str
-    """Who named it, for a person: `last address of springer`, `gateway of wlan0`, `mDNS`."""
+    """Source of the address, in words: `last address of springer`, `gateway of wlan0`, `mDNS`."""
     boat_id: str | None = None
-    """Whose address it is said to be; only a hint, keys decide."""
+    """Id of the boat that the address is said to belong to; only a hint, because keys decide."""
 
 
 Probe = Callable[[Candidate, float], bool]
-"""Is our boat there? Has so many seconds for it; a WayfixError is a no, and its words are told."""
+"""Called with an address and a time limit, s; True = our boat is there, and a WayfixError is a no with its reason."""
 
 
 class Search:
@@ -60,9 +60,10 @@ class Search:
         self.limit_s = limit_s
         self.found: Candidate | None = None
         self._tried: dict[str, tuple[Candidate, str | None]] = {}
-        """By endpoint: who named it first, and why our boat is not there (None = no answer yet)."""
+        """Addresses by endpoint: the first source of each, and why our boat is not there (None = no answer yet)."""
         self._sources: dict[str, str | None] = {}
-        """Who was asked: None = is still asked, empty = named what it knows, else why it named nothing."""
+        """Sources of addresses: None = is still asked, empty = gave what it knows, else the reason why it gave
+        nothing."""
 
     def asking(self, source: str) -> None:
         """A source that may name addresses later."""
@@ -112,7 +113,7 @@ class Search:
 
 
 def known(boats: Iterable[Boat]) -> list[Candidate]:
-    """Where paired boats were last reached."""
+    """Addresses where paired boats were last reached."""
     return [Candidate(boat.address, f"last address of {boat.boat_id}", boat.boat_id) for boat in boats if boat.address]
 
 
@@ -143,7 +144,7 @@ def gateways_v6(table: str) -> list[tuple[str, str]]:
 
 
 def gateways() -> list[Candidate]:
-    """Of this machine; none where there is no /proc."""
+    """Default gateways of this machine; none where there is no /proc."""
     found: list[tuple[str, str]] = []
     for file, read in ((_ROUTES_V4, gateways_v4), (_ROUTES_V6, gateways_v6)):
         with suppress(OSError):
@@ -227,7 +228,7 @@ def candidates(boats: Iterable[Boat], limit_s: float = LIMIT_S) -> Iterator[Cand
 
 
 def find(boats: Iterable[Boat], probe: Probe, limit_s: float = LIMIT_S) -> Candidate:
-    """Where our boat is; raises LinkError that names everything tried.
+    """Address of our boat; raises LinkError that names everything tried.
 
     The probe is called from several threads at once, and one that lasts longer than it was given is not waited for.
     """

@@ -13,7 +13,7 @@ from common.link_messages import MAX_MISSING, FrameRange
 from common.seqset import SeqSet
 
 MAX_STARTS: Final = 200
-"""Starts of the daemon that are remembered."""
+"""Most starts of the daemon that are remembered."""
 
 
 @dataclass(slots=True)
@@ -25,7 +25,7 @@ class StartLedger:
     upto: int
     seen: SeqSet = field(default_factory=SeqSet)
     gone: SeqSet = field(default_factory=SeqSet)
-    """Not held by the board any more."""
+    """Numbers of frames that the board does not hold any more."""
 
     def missing(self) -> Iterator[tuple[int, int]]:
         """Ranges that are neither here nor gone, in order."""
@@ -86,22 +86,22 @@ class Ledger:
         return len(start.gone) - before
 
     def missing(self, limit: int = MAX_MISSING) -> tuple[FrameRange, ...]:
-        """The oldest missing ranges, as a lease tells them."""
+        """The oldest missing ranges, as a lease lists them."""
         return tuple(islice(self._missing(), limit))
 
     @property
     def has_hole(self) -> bool:
-        """Something is missing."""
+        """True when a frame is missing."""
         return next(self._missing(), None) is not None
 
     @property
     def missing_count(self) -> int:
-        """Frames that are still to come."""
+        """Number of frames that are still to come."""
         return sum(item.last - item.first + 1 for item in self._missing())
 
     @property
     def gone_count(self) -> int:
-        """Frames that are lost for good."""
+        """Number of frames that are lost for good."""
         return sum(len(start.gone) for start in self._starts.values())
 
     def _missing(self) -> Iterator[FrameRange]:
@@ -110,7 +110,7 @@ class Ledger:
                 yield FrameRange(start.boot_id, first, last)
 
     def as_record(self) -> list[dict[str, Any]]:
-        """For the cursor's file."""
+        """The ledger for the cursor's file."""
         return [
             {
                 "boot_id": start.boot_id,

@@ -26,13 +26,13 @@ class Boat:
 
     boat_id: str
     public_key: bytes
-    """Z85."""
+    """Public key of the boat, 40 characters of Z85."""
     address: str | None
-    """Where it was last reached."""
+    """Address where the boat was last reached; `None` = not known."""
 
 
 def directory_of(given: Path | None, environ: Mapping[str, str]) -> Path:
-    """Where keys are kept."""
+    """Directory where keys are kept."""
     if given is not None:
         return given
     if named := environ.get("WAYFIX_KEYS"):
@@ -51,12 +51,12 @@ class Boats:
 
     @property
     def public_key(self) -> bytes:
-        """Of this station, Z85; made at first use. Raises WayfixError."""
+        """Public key of this station, Z85; made at first use. Raises WayfixError."""
         return self._own().public
 
     @property
     def secret_key(self) -> bytes:
-        """Of this station, Z85. Raises WayfixError."""
+        """Secret key of this station, Z85. Raises WayfixError."""
         return self._own().secret
 
     def all(self) -> list[Boat]:
@@ -119,7 +119,7 @@ class Boats:
         return self._keys
 
     def _entries(self) -> tuple[list[Entry], list[str]]:
-        """A key or an id that stands there twice is nobody's: which one is right cannot be known."""
+        """Sound entries. A key or an id that is there twice counts for none: the right line is not known."""
         entries, faults = entries_of(self._text(), _address_fault)
         names, keys = [item.name for item in entries], [item.key for item in entries]
         sound = [item for item in entries if names.count(item.name) == 1 and keys.count(item.key) == 1]

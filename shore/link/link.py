@@ -24,13 +24,13 @@ from shore.link.zmq_transport import ZmqTransport
 
 DEFAULT_PORT: Final = 5760
 CONNECT_TIMEOUT_S: Final = 5.0
-"""For a person who waits at the terminal; `wayfix connect --wait` gives a bad radio longer."""
+"""Time-out of a greeting, s, for a person at the terminal; `wayfix connect --wait` gives a bad radio longer."""
 LOOK_S: Final = 0.05
-"""Between two looks at what ends a greeting or a command early: a refusal, or Ctrl-C."""
+"""Interval of the checks for a refusal or Ctrl-C, s, which end a greeting or a command early."""
 NO_BOOT: Final = "0"
-"""A lease with this is answered by a greeting."""
+"""The `boot_id` of a lease that the board answers with a greeting."""
 REQUIRED: Final = ("boot_id", "next_seq", "config", "runs")
-"""What a station cannot do without in `connected`."""
+"""Fields of `connected` that a station cannot do without."""
 
 _ADDRESS = re.compile(r"(?:tcp://)?(?P<host>\[[0-9a-fA-F:.%\w]+\]|[\w.-]+)(?::(?P<port>\d{1,5}))?")
 
@@ -50,9 +50,9 @@ class Received:
     frame: bytes | None = None
     end: dict[str, Any] | None = None
     connected: dict[str, Any] | None = None
-    """The board greets anew: its daemon was restarted."""
+    """The board's new greeting after a restart of its daemon."""
     gone: list[FrameRange] | None = None
-    """Frames that the board does not hold any more."""
+    """Ranges of frames that the board does not hold any more."""
 
 
 def endpoint(address: str) -> str:
@@ -83,7 +83,7 @@ class Link:
         """
         self.endpoint = endpoint(address)
         self.offset = ClockOffset()
-        """Of the board's clock to ours, for display."""
+        """Offset of the board's clock to ours, for display only."""
         self._client = client
         self._has_keys = keys is not None
         self._window = window
@@ -97,7 +97,7 @@ class Link:
 
     @property
     def refusal(self) -> str | None:
-        """Why nobody lets us in, since the board was heard last."""
+        """Why our handshake is refused, since the board was heard last; None = it is not."""
         return None if self._machine.verdict is None else self._error_of(self._machine.verdict).what
 
     def connect(
@@ -108,7 +108,7 @@ class Link:
         stream: bool = False,
         wants: Callable[[], Wants] = Wants,
     ) -> dict[str, Any]:
-        """Say hello, return the `connected` map; raises LinkError when nobody answers in time or the board refuses.
+        """Say hello, return the `connected` map; raises LinkError when no board answers in time or the board refuses.
 
         stream: frames come from the greeting on, none is made between; wants: asked for each lease of the session.
         """
@@ -247,7 +247,7 @@ class Link:
         return self._send("lease", client=self._client, **lease.as_fields())
 
     def _refused(self) -> LinkError | None:
-        """Why somebody at the board's address does not let us in, if there is news of it."""
+        """Why the box at the board's address refuses our handshake, if there is news of it."""
         while (verdict := self._transport.verdict()) is not None:
             if self._machine.judge(verdict):
                 return self._error_of(verdict)
@@ -268,7 +268,7 @@ class Link:
         return LinkError(str(message.get("what")), self.endpoint, str(message.get("cure") or ""))
 
     def _send(self, kind: str, **fields: Any) -> bool:
-        """False = nobody is there: `connect` and the watchdog notice it."""
+        """Send without waiting; False = no board is there, which `connect` and the watchdog notice."""
         return self._transport.send(session.pack(kind, **fields))
 
     def _receive_parts(self, timeout_s: float) -> list[bytes] | None:

@@ -11,7 +11,7 @@ from shore.terminal import add_json, finish, say, tell
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `wayfix pair`."""
+    """Add the arguments of `wayfix pair`."""
     parser.add_argument("address", help="HOST or HOST:PORT of the boat's link, like 10.0.0.1:5760")
     parser.add_argument("--code", help="instead of being asked for it (case, dashes and O for 0 do not matter)")
     parser.add_argument(
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise WayfixError("no port is left for the pairing", arguments.address, "give --port N, as on the board")
     code = plain_code(arguments.code if arguments.code is not None else _asked())
     boats = Boats(arguments.keys)
-    # A list that cannot be read is told before the code is used up.
+    # A list that cannot be read is reported before the code is used up.
     former = {boat.boat_id: boat.public_key for boat in boats.all()}
     boat = pair(host, port, code, boats, f"{match['host']}:{link_port}")
     shown = fingerprint(boat.public_key.decode("ascii"))

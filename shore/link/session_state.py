@@ -36,24 +36,32 @@ from common.units import NS_PER_MS, NS_PER_S
 from shore.link.transport import HandshakeFault
 
 WATCHDOG_NS: Final = 1_500 * NS_PER_MS
-"""Six leases without an answer. The case: a radio that is silent for 30 s and comes back, and an operator who wants a
-new frame within 3 s. A memory stick that took as long for one sync is why only an empty connection is judged."""
+"""First limit of the watchdog, ns: six leases without an answer. The case: a radio that is silent for 30 s and comes
+back, and an operator who wants a new frame within 3 s. A memory stick that took as long for one sync is why only an
+empty connection is judged."""
 LONGEST_WATCHDOG_NS: Final = 6_000 * NS_PER_MS
-"""The case: a far radio with a round trip of more than 0.2 s. An encrypted greeting takes some seven round trips, so
-1.5 s ended each of them just before it was done, for ever. 6 s carry 0.8 s; 0.5 s is tested."""
+"""Last limit of the watchdog's back-off, ns. The case: a far radio with a round trip of more than 0.2 s. An encrypted
+greeting takes some seven round trips, so 1.5 s ended each of them just before it was done, for ever. 6 s carry 0.8
+s; 0.5 s is tested."""
 LOST_NS: Final = 3 * NS_PER_S
-"""Twice the watchdog: one connection that had to be replaced is no news to a person. No field case is on record."""
+"""Silence after which a person is alarmed, ns: twice the watchdog, because one connection that had to be replaced is no
+news. No field case is on record."""
 RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
-"""Four leases a second of 150 bytes. The case: 1 Mbit/s shared with the frames, where an acknowledgement that could be
-lost stopped the stream after 8 s of outage; the board forgets a station only after twenty lost leases."""
+"""Interval of leases, ns: four a second of 150 bytes. The case: 1 Mbit/s shared with the frames, where an
+acknowledgement that could be lost stopped the stream after 8 s of outage; the board forgets a station only after
+twenty lost leases."""
 URGENT_NS: Final = 100 * NS_PER_MS
-"""The board's fastest pace for leases. The case: frames come again after an outage and show a hole to be filled."""
+"""Interval of leases after `ask_soon`, ns: the board's fastest pace. The case: frames come again after an outage and
+show a hole to be filled."""
 RETRY_NS: Final = 100 * NS_PER_MS
-"""Where a lease could not be handed over. The case: the daemon is restarted; it is asked as soon as it is there."""
+"""Pause where a lease could not be handed over, ns. The case: the daemon is restarted; it is asked as soon as it is
+there."""
 HELLO_NS: Final = 500 * NS_PER_MS
-"""The case: a daemon that is stopped between the handshake and its answer; nobody would answer a single `hello`."""
+"""Interval of `hello`, ns. The case: a daemon that is stopped between the handshake and its answer; a single one would
+get no answer."""
 BROKEN_GREETINGS: Final = 5
-"""In a row, at five a second. The case: a daemon that is stopped amid a handshake breaks one, and is back soon."""
+"""Number of broken handshakes in a row, at five a second, that are a refusal. The case: a daemon that is stopped amid a
+handshake breaks one, and is back soon."""
 
 
 class LinkState(Enum):
@@ -107,21 +115,21 @@ class LinkMachine:
         """Window: bytes of frames that may be on their way at once."""
         self.state = LinkState.NEW
         self.verdict: HandshakeFault | None = None
-        """In REFUSED: how the last handshake failed; else None."""
+        """How the last handshake failed, in the state REFUSED; else None."""
         self.received_bytes = 0
-        """Of frames, over all connections."""
+        """Number of bytes of frames received over all connections."""
         self.heard_ns = now_ns
-        """When the board was heard last."""
+        """When the board was heard last, ns."""
         self._half_window = window // 2
         self._opened_ns = now_ns
         self._watchdog_ns = WATCHDOG_NS
         self._broken_greetings = 0
         self._asked_ns: int | None = None
-        """When the last `hello` or lease went over this connection; None = the next is due at once."""
+        """When the last `hello` or lease went over this connection, ns; None = the next is due at once."""
         self._pause_ns = RENEW_NS
-        """Between this lease and the next."""
+        """Pause between this lease and the next, ns."""
         self._leased_bytes = 0
-        """Received bytes that the last lease named."""
+        """Number of received bytes that the last lease reported."""
 
     @property
     def is_open(self) -> bool:

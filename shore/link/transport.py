@@ -10,7 +10,7 @@ from enum import Enum, auto
 from typing import Final, Protocol
 
 MAX_MESSAGE_BYTES: Final = 2 * 2**20
-"""Of one part: a larger one is not received."""
+"""Most bytes of one message part; a larger one is not received."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,11 @@ from common.errors import LinkError
 from shore.link.transport import MAX_MESSAGE_BYTES, HandshakeFault, LinkKeys
 
 CONNECT_TIMEOUT_MS: Final = 1_000
-"""Of one attempt; the kernel would wait for two minutes where a radio was out of reach for a moment."""
+"""Time-out of one attempt, ms; the kernel would wait for two minutes where a radio was out of reach for a moment."""
 RECONNECT_MS: Final = 200
-"""Between two attempts: a daemon that was restarted is met at once, and a stranger breaks five greetings a second."""
+"""Pause between two attempts, ms: a restarted daemon is met at once, and a stranger breaks five greetings a second."""
 GOODBYE_MS: Final = 200
-"""For the last message to leave."""
+"""Time for the last message to leave, ms."""
 _VERDICTS: Final = {
     int(zmq.EVENT_HANDSHAKE_FAILED_AUTH): HandshakeFault.UNKNOWN_KEY,
     int(zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL): HandshakeFault.BROKEN,
@@ -59,7 +59,7 @@ class ZmqTransport:
             raise LinkError(f"not an address ({zmq.strerror(error.errno or 0)})", endpoint, cure) from error
 
     def send(self, message: bytes) -> bool:
-        """False = nobody there, or nobody reads."""
+        """Send without waiting; False = no board is there, or it does not read."""
         assert self._socket is not None
         try:
             self._socket.send(message, zmq.NOBLOCK)

@@ -1,1 +1,1 @@
-"""`wayfix connect`: a live session from the board's greeting to its end."""
+"""Live session (`wayfix connect`), from the board's greeting to its end."""

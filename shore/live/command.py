@@ -1,4 +1,4 @@
-"""`wayfix connect`: join a boat, which is looked for when no address is given."""
+"""`wayfix connect` (command line): joins a boat, which is looked for when no address is given."""
 
 import argparse
 from pathlib import Path
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 DEFAULT_FILTERS: Final = "fuzzy"
 WAIT_S: Final = 30.0
-"""For one greeting with --wait: over a bad radio it takes long."""
+"""Time-out of one greeting with --wait, s: over a bad radio it takes long."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `wayfix connect`."""
+    """Add the arguments of `wayfix connect`."""
     parser.add_argument(
         "--frames",
         type=number(int, 1, MAX_RUN_FRAMES),
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit code 1 = fewer frames than asked for, or a log that ended before the run."""
+    """Run a live session. Exit code 1 = fewer frames than asked for, or a log that ended before the run."""
     from shore.link.known_boats import Boats
 
     options = _options(arguments)
@@ -74,7 +74,7 @@ def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -
                 boats.remember(boat.boat_id, boat.public_key, address)
             tally = live.run()
         except LinkError:
-            if stop():  # Ctrl-C while nobody had answered yet
+            if stop():  # Ctrl-C while no board had answered yet
                 return 0
             raise
         finally:

@@ -1,4 +1,4 @@
-"""Which frames of a boat a directory of logs holds, kept beside them, so that each is stored once over all runs.
+"""Checkpoint (cursor) beside a directory of logs: which frames of a boat it holds, so that each is stored once.
 
 `<boat>.cursor` is written after the log is on the disk, so it never claims a frame that no log holds; what a killed
 station wrote after its last cursor is read from the log it names.
@@ -26,7 +26,7 @@ class Cursor:
     """Owns the ledger of one boat in one directory; `close` it at the end."""
 
     def __init__(self, directory: Path, boat_id: str, say: Callable[[str], None]) -> None:
-        """Raises WayfixError when another station writes logs of this boat here, or nothing can be written."""
+        """Raises WayfixError when another station writes logs of this boat here, or the directory cannot be written."""
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", boat_id)
         self._path = directory / f"{stem}.cursor"
         self._boat_id = boat_id

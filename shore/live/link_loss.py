@@ -1,4 +1,4 @@
-"""Loss of the link as the log and a person see it. Pure.
+"""Link-loss state machine: the loss of the link as the log and a person see it. Pure.
 
     up --(silent too long: link-lost)--> lost --(a frame: link-restored)--> filling --(none missing: gaps-filled)--> up
 
@@ -19,11 +19,11 @@ class LinkLoss:
 
     @property
     def is_lost(self) -> bool:
-        """No frame has come since the link fell silent."""
+        """True while no frame has come since the link fell silent."""
         return self._since_ns is not None
 
     def silent(self, silent_s: float, now_ns: int, t_ns: int) -> Event | None:
-        """Nothing has been heard for so long. t_ns: boat time of the newest frame."""
+        """The link has been silent for this time. t_ns: boat time of the newest frame."""
         if self._since_ns is not None:
             return None
         self._since_ns = now_ns - int(silent_s * NS_PER_S)
@@ -39,12 +39,12 @@ class LinkLoss:
         return event("link-restored", t_ns, "link", age_s=age_s)
 
     def heard(self, missing: int, received: int, t_ns: int) -> Event | None:
-        """The board is heard. missing: frames that are still to come."""
+        """The board was heard. missing: frames that are still to come."""
         if not self._is_filling or self._since_ns is not None or missing:
             return None
         self._is_filling = False
         return event("gaps-filled", t_ns, "link", count=received)
 
     def lost_s(self, now_ns: int) -> float | None:
-        """How long the link has been lost; `None` = it is not."""
+        """How long the link has been lost, s; `None` = it is not lost."""
         return None if self._since_ns is None else (now_ns - self._since_ns) / NS_PER_S

@@ -1,4 +1,4 @@
-"""The log of a live run: on the disk each second, with a checkpoint (the cursor) that says which frames it holds."""
+"""Log of a live run: synced to the disk each second, with a checkpoint (the cursor) of the frames that it holds."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from shore.watchers.watcher import SourceState, Start
 
 
 class LiveLog(LogWatcher):
-    """A disk that fills up or is slow harms the log, never the run. Without a directory nothing is kept."""
+    """A log whose disk may be full or slow without harm to the run. Without a directory nothing is kept."""
 
     def __init__(self, directory: Path | None, boat_id: str, cursor: Cursor | None, say: Callable[[str], None]) -> None:
         """Raises WayfixError when the directory cannot be written."""
@@ -36,16 +36,16 @@ class LiveLog(LogWatcher):
         return self._recorder.behind_s
 
     def begin(self, start: Start, t_ns: int) -> None:
-        """The session record, and the first checkpoint."""
+        """Write the session record and the first checkpoint."""
         super().begin(start, t_ns)
         self._checkpoint()
 
     def each_second(self, now: SourceState) -> None:
-        """All that was written goes to the disk, beside the run."""
+        """Sync all that was written to the disk, beside the run."""
         self._checkpoint()
 
     def end(self, tally: dict[str, Any], t_ns: int) -> None:
-        """The `end` record; waits for the disk and closes."""
+        """Write the `end` record, wait for the disk, and close."""
         super().end(tally, t_ns)
         self._checkpoint(wait=True)
         self._recorder.close()
@@ -53,7 +53,7 @@ class LiveLog(LogWatcher):
             self._cursor.close()
 
     def _checkpoint(self, *, wait: bool = False) -> None:
-        """The log to the disk, then the cursor. A cursor that cannot be written costs frames that are sent twice."""
+        """Sync the log, then write the cursor. A cursor that cannot be written costs frames that are sent twice."""
         if self._cursor is None or self._recorder.path is None:
             self._recorder.sync(lambda: None, wait=wait)
         else:

@@ -1,4 +1,4 @@
-"""The live run, a source of steps: link -> pipeline -> watchers (log, events, status line)."""
+"""Live run, a source of steps: link -> pipeline -> watchers (log, events, status line)."""
 
 import logging
 import signal
@@ -34,7 +34,7 @@ from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step
 log = logging.getLogger(__name__)
 
 SLOW_DISK_S: Final = 5.0
-"""For one sync: a person is told."""
+"""Duration of one sync after which a person is warned, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +47,11 @@ class Options:
     step_s: float | None = None
     log_dir: Path | None = None
     trip: dict[str, Any] | None = None
-    """What a person calls it (`trip_record`)."""
+    """Name, place and note of the trip (`trip_record`); `None` = none was given."""
     connect_s: float = CONNECT_TIMEOUT_S
-    """The boat has so long to answer the greeting."""
+    """Time-out of the greeting, s."""
     until_end: bool = False
-    """The run is over when the daemon stops (a demo); else the station waits for it to come back."""
+    """True = the run is over when the daemon stops (a demo); False = the station waits for it to come back."""
 
 
 @dataclass(slots=True)
@@ -60,12 +60,12 @@ class Tally:
 
     received: int = 0
     missing: int = 0
-    """Asked for and not here, or not held by the boat any more."""
+    """Number of frames that were asked for and are not here, or that the boat does not hold any more."""
     repeated: int = 0
-    """Came once more and were left out."""
+    """Number of frames that came once more and were left out."""
     bad: int = 0
     sent: int | None = None
-    """As the board's `end` says; None = no end was received."""
+    """Number of frames sent, as the board's `end` gives it; None = no end was received."""
     end_reason: str | None = None
 
 
@@ -128,7 +128,7 @@ class LiveRun:
         self._is_disk_slow = False
         self._is_over = False
         self._next = (str(self._connected["boot_id"]), int(self._connected["next_seq"]))
-        """The next frame of a bounded run."""
+        """The next frame of a bounded run: (boot_id, seq)."""
         self._greet()
 
     @property
@@ -142,7 +142,7 @@ class LiveRun:
         return self._log.fault
 
     def run(self) -> Tally:
-        """Until the board's end, the asked number of frames, or a stop. Closes the log in any case."""
+        """Run until the board's end, the number of frames asked for, or a stop. The log is closed in any case."""
         next_second_ns = boottime_ns() + NS_PER_S
         try:
             self._begin()
@@ -189,7 +189,7 @@ class LiveRun:
 
     @property
     def _missing_count(self) -> int:
-        """Frames still to come but for new ones; a bounded run has them in order, without a hole."""
+        """Number of frames still to come, new ones left out; a bounded run has them in order, without a hole."""
         return 0 if self._options.frames is not None else self._ledger.missing_count
 
     def _begin(self) -> None:
@@ -247,7 +247,7 @@ class LiveRun:
         self._watchers.take(Step.of(arrival, output))
 
     def _greeted_again(self, connected: dict[str, Any]) -> None:
-        """The daemon was restarted."""
+        """The daemon was restarted, and has greeted again."""
         if connected["config"] == self._connected["config"]:
             self._connected = connected
         else:
@@ -280,7 +280,7 @@ class LiveRun:
             self._follow()
 
     def _follow(self) -> None:
-        """A lost boat may have another address by now."""
+        """Move to another address that a lost boat may have by now."""
         address = None if self._seeker is None else self._seeker.ask()
         if address is not None and endpoint(address) != self._link.endpoint:
             self._say(f"the boat is at {address} now")

@@ -1,1 +1,1 @@
-"""Logs: MCAP files that are written while a run goes on and read whatever became of them."""
+"""Logs (MCAP): files that are written while a run goes on, and that can be read even when they are cut or damaged."""

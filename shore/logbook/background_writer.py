@@ -1,4 +1,4 @@
-"""The log of a live run, written while frames come: a disk that fills up or is slow harms the log, never the run."""
+"""Asynchronous log writer of a live run: a disk that is full or slow harms the log, never the run."""
 
 import os
 import time
@@ -14,13 +14,13 @@ from shore.logbook.log_writer import LogWriter, new_log
 
 
 class LogRecorder:
-    """Writes at once, puts it on the disk beside the run. Without a directory it takes everything and keeps nothing."""
+    """Writes records at once, and syncs to the disk beside the run. Without a directory it keeps nothing."""
 
     def __init__(self, directory: Path | None, boat_id: str, say: Callable[[str], None]) -> None:
         """Raises WayfixError when the directory cannot be written."""
         self.path: Path | None = None
         self.fault: WayfixError | None = None
-        """Why the log ended before the run."""
+        """Why the log ended before the run; `None` while it has not."""
         self._say = say
         self._writer: LogWriter | None = None
         self._worker = ThreadPoolExecutor(1, "log-sync")
@@ -32,7 +32,7 @@ class LogRecorder:
 
     @property
     def log_time_ns(self) -> int:
-        """Of the newest record; 0 without a log."""
+        """Log time of the newest record, ns; 0 without a log."""
         return 0 if self._writer is None else self._writer.log_time_ns
 
     @property
@@ -87,7 +87,7 @@ class LogRecorder:
 
     def _end(self) -> None:
         writer, self._writer = self._writer, None
-        self._worker.shutdown()  # the file is open until nobody works on it
+        self._worker.shutdown()  # the file stays open while the worker uses it
         if writer is not None:
             with suppress(WayfixError):
                 writer.close()

@@ -1,4 +1,4 @@
-"""An estimate as the log stores it: rounded far below its own doubt, with a digest of every bit rounded away."""
+"""Quantisation (rounding) of estimates for the log, far below their own sigma, with a digest of every bit."""
 
 import math
 import struct
@@ -9,11 +9,11 @@ from typing import Any, Final
 Record = dict[str, Any]
 
 DIGITS: Final = 5
-"""Significant digits of covariances, sigmas and what the channels report."""
+"""Significant digits that are kept of covariances, sigmas and what the channels report."""
 STATE_SHARE: Final = 3
-"""A number of the state keeps so many decimals below its own 1-sigma: a thousandth of it."""
+"""Decimals kept below the 1-sigma of a number of the state: it is rounded to a thousandth of that."""
 PLACE_DECIMALS: Final = 9
-"""Of latitude and longitude: 0.1 mm."""
+"""Decimals of latitude and longitude (deg): the last one is 0.1 mm."""
 ANGLE_DECIMALS: Final = 5
 _NAN: Final = math.nan
 
@@ -72,17 +72,17 @@ def _numbers(record: Record) -> Iterator[float]:
 
 
 def _diagonal(covariance: list[float], size: int) -> list[float]:
-    """Of an upper triangle, row by row."""
+    """Diagonal of an upper triangle that is stored row by row."""
     return [covariance[row * size - row * (row - 1) // 2] for row in range(size)]
 
 
 def _below(value: float, variance: float) -> float:
-    """Rounded to a thousandth of its 1-sigma, in whole decimals."""
+    """A value rounded to a thousandth of its 1-sigma, in whole decimals."""
     return round(value, STATE_SHARE - math.floor(0.5 * math.log10(variance))) if variance > 0.0 else value
 
 
 def _direction(value_deg: float | None) -> float | None:
-    """Within [0, 360) after rounding too."""
+    """A direction that is within [0, 360) after rounding too."""
     return None if value_deg is None else round(value_deg, ANGLE_DECIMALS) % 360.0
 
 

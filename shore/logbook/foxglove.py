@@ -1,4 +1,4 @@
-"""Records in Foxglove's own message schemas, so that its programs draw a log without any help of ours.
+"""Foxglove message schemas: records in the form that Foxglove's programs draw without any help of ours.
 
 Written by hand after https://docs.foxglove.dev/docs/visualization/message-schemas; further properties are ours.
 """
@@ -11,10 +11,10 @@ from common.units import NS_PER_S
 LOCATION_FIX: Final = "foxglove.LocationFix"
 LOG: Final = "foxglove.Log"
 KNOWN, DIAGONAL, UNKNOWN = 3, 2, 0
-"""Of `position_covariance_type`."""
+"""Values of `position_covariance_type`: covariance known, only its diagonal known, unknown."""
 _LEVELS: Final = {"debug": 1, "info": 2, "warning": 3, "error": 4}
 LEVEL_NUMBERS: Final = {0: "info", **{number: word for word, number in _LEVELS.items()}, 5: "error"}
-"""Unknown and fatal are of other programs."""
+"""Level number -> our word; only other programs write the levels unknown (0) and fatal (5)."""
 _STAMP: Final = {
     "type": "object",
     "title": "time",

@@ -1,4 +1,4 @@
-"""Who writes a log says so with a lock on the file, which the kernel takes away when the process dies."""
+"""File lock (flock): the writer of a log holds it, and the kernel releases it when the process dies."""
 
 from contextlib import suppress
 from pathlib import Path

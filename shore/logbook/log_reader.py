@@ -1,4 +1,4 @@
-"""Read a log in file order, which is the order of arrival, whatever has happened to the file.
+"""Log reader: records in file order, which is the order of arrival, also from a cut or damaged file.
 
     reader = read_log(Path("20261122T140055Z-springer.mcap"))
     for data in reader.frames(): ...
@@ -36,11 +36,11 @@ class LogRecord(NamedTuple):
     topic: str
     data: bytes
     log_time_ns: int
-    """Arrival, the station's UTC."""
+    """Time of arrival, the station's UTC, ns."""
     publish_time_ns: int
-    """The record's own time on the boat clock (frames: `t1_ns`)."""
+    """The record's own time on the boat clock, ns (frames: `t1_ns`)."""
     number: int = 0
-    """In file order."""
+    """Number of the record in file order."""
 
     def json(self) -> dict[str, Any]:
         """The content of a JSON record (every topic but /frames). Raises FormError for one of another form."""
@@ -49,13 +49,13 @@ class LogRecord(NamedTuple):
 
 @dataclass(slots=True)
 class OddRecords:
-    """Those of one topic that have not its form."""
+    """Records of one topic that do not have its form."""
 
     topic: str
     first: str
-    """What is wrong with one of them."""
+    """What is wrong with the first such record."""
     numbers: set[int] = field(default_factory=set)
-    """Of the records."""
+    """Numbers of these records in file order."""
 
     def __str__(self) -> str:
         count = len(self.numbers)
@@ -71,11 +71,11 @@ class LogReader:
         if path.exists() and not path.is_file() and not path.is_dir():  # a pipe waits for ever, a device never ends
             raise WayfixError("is no plain file", str(path), "give the path of a log file")
         self.is_being_written = is_being_written(path)
-        """Another program holds the lock of a writer on it."""
+        """True when another program holds the writer's lock on the file."""
         self._scan: Scan | None = None
         """The newest pass that came to its end."""
         self._odd: dict[str, OddRecords] = {}
-        """By topic."""
+        """Odd records by topic."""
         with self._opened() as stream:
             self._looks_closed = self._check(stream)
 
@@ -122,7 +122,7 @@ class LogReader:
 
     @property
     def is_cut(self) -> bool:
-        """The log was not closed, and nobody is writing it. Complete after any full pass."""
+        """The log was not closed, and no program is writing it. Complete after any full pass."""
         if self._scan is None:
             return not self._looks_closed and not self.is_being_written
         return self._scan.cut is not None and not self.is_being_written
@@ -206,7 +206,7 @@ class LogReader:
         return WayfixError(f"cannot be read ({error.strerror})", str(self.path), cure)
 
     def _check(self, stream: BinaryIO) -> bool:
-        """Whether it ends like a closed log."""
+        """Check whether the file ends like a closed log."""
         try:
             head = stream.read(len(MAGIC))
             size = stream.seek(0, 2)

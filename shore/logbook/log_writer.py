@@ -1,4 +1,4 @@
-"""Write the log of one session: an MCAP file that is readable up to the last `sync()`, whatever happens.
+"""Log writer: the MCAP file of one session, which is readable up to the last `sync()`, whatever happens.
 
     writer = new_log(Path("logs"), "springer", utc_ns)     # or log_at(Path("out.mcap"))
     writer.write_session({"kind": "start", ...}, utc_ns)
@@ -47,7 +47,7 @@ class LogWriter:
         """
         self._file = file
         self.path = Path(os.fsdecode(file.name))
-        """Where it grows, and after `close` where it stays."""
+        """Path of the file while it grows, and after `close` the path where it stays."""
         self._final = final
         lock(file.fileno())
         self._writer = Writer(file, compression=CompressionType.ZSTD)
@@ -56,12 +56,12 @@ class LogWriter:
         self._failed = False
         self._summary = TripSummary()
         self._drawn_ns: dict[str, int] = {}
-        """Boat time of the newest position of each filter."""
+        """Boat time of the newest position of each filter, ns."""
         self.guarded(lambda: self._writer.start(profile="", library="wayfix"))
 
     @property
     def log_time_ns(self) -> int:
-        """Of the newest record."""
+        """Log time of the newest record, ns."""
         return self._log_time
 
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:

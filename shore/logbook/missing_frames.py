@@ -1,4 +1,4 @@
-"""Which frames are missing from a log: lost by the file, or never come over the link."""
+"""Gap detection: which frames are missing from a log because the file lost them or the link never brought them."""
 
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
@@ -20,9 +20,9 @@ class MissingFrames(NamedTuple):
     """Counts of frames."""
 
     in_file: int
-    """In stretches that the file lost."""
+    """Number of frames in stretches that the file lost."""
     on_link: int
-    """Never received, or sent before the station listened."""
+    """Number of frames that never came, or were sent before the station listened."""
 
 
 class Census:
@@ -31,21 +31,21 @@ class Census:
     def __init__(self) -> None:
         self.count = 0
         self._begins: dict[str, int] = {}
-        """By start of the daemon: the first frame there should be."""
+        """The first frame that should be there, by start of the daemon (boot_id)."""
         self._seen: dict[str, SeqSet] = {}
         self._highest: dict[str, int] = {}
         self._is_after_loss: set[str] = set()
         self._holes: dict[str, list[tuple[int, int]]] = {}
-        """Numbers on both sides of which the file lost something."""
+        """Ranges [first, last] of the frame numbers that are absent where the file lost something, by boot_id."""
 
     def expect(self, boot_id: str, next_seq: int) -> None:
-        """The board's greeting: its next frame."""
+        """Take the board's greeting, which gives its next frame."""
         if boot_id not in self._begins:
             self._begins[boot_id] = next_seq
             self._highest[boot_id] = next_seq - 1
 
     def frame(self, frame: Frame) -> None:
-        """A frame of the log; a merged one covers several numbers."""
+        """Take a frame of the log; a merged one covers several numbers."""
         boot_id, first, last = frame.boot_id, frame.first, max(frame.first, frame.seq)
         self.count += 1
         highest = self._highest.get(boot_id)
@@ -58,7 +58,7 @@ class Census:
         self._seen.setdefault(boot_id, SeqSet()).add(first, last)
 
     def file_lost_something(self) -> None:
-        """Between the frame before and the next one."""
+        """The file lost something between the frame before and the next one."""
         self._is_after_loss |= set(self._begins)
 
     def missing(self, lost_by_file: int | None) -> MissingFrames:

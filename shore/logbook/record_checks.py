@@ -1,4 +1,4 @@
-"""The form of each JSON channel: what a record must look like before anything of ours trusts it.
+"""Schema validation of each JSON channel: the form that a record must have before any part of ours uses it.
 
     content = content_of("/events", data)       # raises FormError: level must be one of 0 to 5, got 'high'
 
@@ -33,7 +33,7 @@ class _Kind(NamedTuple):
 
 
 class _Maybe(NamedTuple):
-    """Missing, or of this form."""
+    """A value that is missing, or has this form."""
 
     form: Any
 
@@ -187,7 +187,7 @@ def _is_quickly_sound(content: Record) -> bool:
 
 
 def _estimate(content: Record) -> Record:
-    """With defaults for what an early form did not have."""
+    """The estimate with defaults for what an early form did not have."""
     whole = _ESTIMATE_DEFAULTS | content
     _check(whole, _ESTIMATE)
     size = len(whole["state"])

@@ -1,4 +1,4 @@
-"""Topics of a log and the JSON schemas of its channels, written by hand (docs/log-format.md shows them to people)."""
+"""Topics of a log and the JSON Schemas of its channels, written by hand (docs/log-format.md shows them to people)."""
 
 import json
 from typing import Any, Final
@@ -7,16 +7,16 @@ from shore.logbook import foxglove
 
 FRAMES: Final = "/frames"
 ESTIMATES: Final = "/estimates/"
-"""+ name of the filter: one channel for each."""
+"""Prefix of the topics of estimates; the name of the filter follows, one channel for each."""
 EVENTS: Final = "/events"
 SESSION: Final = "/session"
 LINK: Final = "/link"
 TRIP: Final = "wayfix.trip"
 """Name of the MCAP metadata record with the trip's summary."""
 FIXES: Final = "/fixes/"
-"""+ sensor: each position of a receiver, as Foxglove draws it."""
+"""Prefix of the topics of fixes as Foxglove draws them; the sensor's id follows."""
 POSITIONS: Final = "/position/"
-"""+ filter: its estimates, one a second at most, as Foxglove draws them."""
+"""Prefix of the topics of positions as Foxglove draws them, at most one a second; the name of the filter follows."""
 
 _TIME: Final = {"type": "integer", "description": "nanoseconds on the boat clock"}
 _NUMBER: Final = {"type": ["number", "null"]}

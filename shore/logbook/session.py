@@ -1,4 +1,4 @@
-"""Records of `/session` that more than one writer makes."""
+"""Session metadata: the records of `/session` that more than one writer makes."""
 
 import platform
 from importlib.metadata import version
@@ -8,9 +8,9 @@ from common.errors import WayfixError
 from shore.logbook.summary import KEPT
 
 LIBRARIES: Final = ("wayfix", "numpy", "msgpack", "mcap", "pygeomag")
-"""Those that a replay depends on."""
+"""Packages whose versions a replay depends on."""
 LONGEST: Final = {"name": 200, "place": 200, "note": 2000}
-"""Letters."""
+"""Most characters of each text about a trip."""
 
 
 def start_record(connected: dict[str, Any], options: dict[str, Any], utc_ns: int) -> dict[str, Any]:

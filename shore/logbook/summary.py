@@ -1,4 +1,4 @@
-"""What a trip was: gathered while its log is written, or by reading it once."""
+"""Trip statistics (distance, speed, area, events), gathered while a log is written or by reading it once."""
 
 from collections import Counter
 from typing import Any, Final
@@ -8,9 +8,9 @@ from common.messages import Frame
 from common.units import NS_PER_S
 
 KEPT: Final = ("name", "place", "note")
-"""Words of the operator about a trip, in `/session` records of kind `trip`; the last ones hold."""
+"""Fields that an operator gives to a trip, in `/session` records of kind `trip`; the last ones hold."""
 LEG_NS: Final = NS_PER_S
-"""Distance is summed over steps of this boat time: shorter ones would count the noise."""
+"""Distance is summed over steps of this boat time, ns: shorter ones would count the noise."""
 
 
 class TripSummary:
@@ -23,17 +23,17 @@ class TripSummary:
         self._frames = self._fixes = 0
         self._seconds = 0.0
         self._clock: tuple[str, int, int] | None = None
-        """(clock_id, first t0_ns, last t1_ns)."""
+        """Identity and span of the current clock: (clock_id, first t0_ns, last t1_ns)."""
         self._filters: list[str] = []
         self._levels: Counter[str] = Counter()
         self._area: tuple[float, float, float, float] | None = None
-        """South, north, west, east."""
+        """Southern, northern, western and eastern limit of the trip, deg."""
         self._last: tuple[int, float, float] | None = None
-        """Boat time, lat, lon of the last place that was counted."""
+        """Boat time (ns), latitude and longitude (deg) of the last place that was counted."""
         self._distance_m = self._fastest_kn = 0.0
 
     def session(self, record: dict[str, Any], log_time_ns: int) -> None:
-        """A `/session` record."""
+        """Take a `/session` record."""
         if record.get("kind") == "trip":
             self._words |= {name: record[name] for name in KEPT if record.get(name)}
         elif record.get("kind") == "start" and self._utc_ns is None:
@@ -41,7 +41,7 @@ class TripSummary:
             self._boat = record.get("connected", {}).get("config", {}).get("boat", {}).get("id")
 
     def frame(self, frame: Frame) -> None:
-        """A frame of the board; frames of one clock in any order."""
+        """Take a frame of the board; frames of one clock may come in any order."""
         self._frames += 1
         self._fixes += sum(fix.usable for fix in frame.fixes)
         if self._clock is None or self._clock[0] != frame.clock_id:
@@ -50,7 +50,7 @@ class TripSummary:
         self._clock = clock_id, min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
 
     def estimate(self, record: dict[str, Any]) -> None:
-        """A published estimate; place and speed are those of the first filter that is aligned."""
+        """Take a published estimate; place and speed are those of the first filter that is aligned."""
         if record["filter"] not in self._filters:
             self._filters.append(record["filter"])
         if record["filter"] != self._filters[0] or not record["aligned"]:
@@ -67,11 +67,11 @@ class TripSummary:
         self._last = t_ns, lat_deg, lon_deg
 
     def event(self, level: str) -> None:
-        """An event of this level."""
+        """Count an event of this level."""
         self._levels[level] += 1
 
     def as_record(self) -> dict[str, Any]:
-        """Everything, for JSON; places are `None` while no estimate was aligned."""
+        """The whole summary for JSON; places are `None` while no estimate was aligned."""
         area = self._area or (None, None, None, None)
         return {
             **self._words,

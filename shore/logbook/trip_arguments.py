@@ -1,4 +1,4 @@
-"""What a person may say about a trip, the same on every command that writes a log."""
+"""Trip metadata arguments (name, place, note), the same on every command that writes a log."""
 
 import argparse
 

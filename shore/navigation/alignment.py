@@ -15,10 +15,10 @@ HEADING_KNOWN_DEG: Final = 10.0
 TURN_KNOWN_DEG_S: Final = 0.3
 """1-sigma of the gyro's bias from which on it counts as settled: 3 deg in ten seconds without compass."""
 ACCEL_KNOWN_M_S2: Final = 0.1
-"""The same for the accelerometers: 5 m in ten seconds without GPS."""
+"""1-sigma of an accelerometer's bias from which on it counts as settled: 5 m in ten seconds without GPS."""
 
 Waiting = tuple[str, ...]
-"""What is not known yet, in words for people; empty = valid."""
+"""What is not known yet, in words for people; empty = the estimate is valid."""
 
 
 def before_start(position: Position | None, heading: FirstHeading | None, has_compass: bool) -> Waiting:
@@ -47,7 +47,7 @@ class Alignment:
 
 
 def _biases_are_settled(state: FilterState) -> bool:
-    """The doubt of what the biases add up to at this speed: at a steady one bias and tilt leak cannot be told apart."""
+    """The doubt of what the biases add up to at this speed: at a steady one bias and tilt leak look the same."""
     space, x, P = state.space, state.x, state.P
     gyro, fwd, stb, leak = space.places[:4]
     weights = ((fwd, 1.0), (leak, float(lift_of(space, x))))

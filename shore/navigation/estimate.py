@@ -1,4 +1,4 @@
-"""What a filter says, for people, logs and pages: degrees, knots, 1-sigma; plain numbers, never NaN."""
+"""Filter output for people, logs and pages: degrees, knots, 1-sigma; plain numbers, never NaN."""
 
 import math
 from collections.abc import Iterator
@@ -41,9 +41,9 @@ class Estimate:
     """Number of the frame that caused it, within its start of the daemon."""
     filter: str
     names: tuple[str, ...]
-    """Of the states, (n,); each ends in its unit."""
+    """Names of the states, (n,); each ends in its unit."""
     state: tuple[float, ...]
-    """In the units of `names`, on the local plane."""
+    """The state in the units of `names`, (n,), on the local plane."""
     covariance: tuple[float, ...]
     """Upper triangle of P, row by row, in the same units."""
     origin_lat_deg: float
@@ -53,16 +53,16 @@ class Estimate:
     heading_true_deg: float
     sog_kn: float
     cog_true_deg: float | None
-    """`None` while the speed is below its own sigma."""
+    """Course over ground, deg from true north; `None` while the speed is below its own sigma."""
     sigma_east_m: float
     sigma_north_m: float
     sigma_heading_deg: float
     aligned: bool
-    """`waiting` is empty: the estimate is valid."""
+    """True when `waiting` is empty: the estimate is valid."""
     waiting: tuple[str, ...]
     """What is not known yet (`shore.navigation.alignment`)."""
     repairs: int
-    """Times P needed jitter since the start."""
+    """Number of times that P needed jitter since the start."""
     channels: dict[str, ChannelReport]
 
     def as_record(self) -> dict[str, Any]:

@@ -29,9 +29,9 @@ class Moment(NamedTuple):
 
     t_ns: int
     states: tuple[FilterState | None, ...]
-    """One for each filter; `None` = waits for its start."""
+    """State of each filter; `None` = the filter waits for its start."""
     position: Position | None = None
-    """The newest so far: filters start from these."""
+    """The newest position so far; filters start from it and from the newest heading."""
     heading: FirstHeading | None = None
 
 
@@ -42,7 +42,7 @@ class Bank:
         self.filters = tuple(filters)
         self.has_compass = has_compass
         self.resets: list[tuple[str, int]] = []
-        """(filter, t_ns) of each state that was not finite and was thrown away; emptied by the reader."""
+        """Filter and boat time (ns) of each state that was not finite and was thrown away; emptied by the reader."""
         self._facts = facts
 
     def at_rest(self) -> Moment:

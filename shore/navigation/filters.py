@@ -51,15 +51,15 @@ class FilterState(NamedTuple):
     """Everything a filter remembers; never changed in place."""
 
     space: StateSpace
-    """Names the components of `x`."""
+    """State space, which names the components of `x`."""
     x: Array
-    """State (..., n)."""
+    """Mean of the state, (..., n)."""
     P: Array
-    """Its covariance (..., n, n)."""
+    """Covariance of the state, (..., n, n)."""
     noise: Mapping[str, ChannelNoise]
     """R and its window for each channel measured so far."""
     repairs: int = 0
-    """Predictions before which P needed jitter to be factored."""
+    """Number of predictions before which P needed jitter to be factored."""
     opening: Opening | None = None
     """What happened since the start, while it may have to be filtered again."""
     judge: Judge | None = None
@@ -82,7 +82,7 @@ class FilterFacts:
     """What a filter must know of the boat's sensors."""
 
     channels: Mapping[str, Channel]
-    """`gps1.east`, `gps1.north`, `gps1.course`, `compass1.heading`, ..."""
+    """Channels of the sensors by name: `gps1.east`, `gps1.north`, `gps1.course`, `compass1.heading`, ..."""
     space: StateSpace = FIVE
     """The states that it estimates, (n,)."""
     imu_noise: ProcessNoise = FREE_NOISE
@@ -90,7 +90,7 @@ class FilterFacts:
     free_noise: ProcessNoise = FREE_NOISE
     """Process noise of a step without IMU."""
     levers: Mapping[str, Lever] = field(default_factory=dict)
-    """Sensor -> its lever arm; absent = its antenna is at the reference point."""
+    """Lever arm of each sensor; absent = its antenna is at the reference point."""
 
 
 class Observer(Protocol):
@@ -124,7 +124,7 @@ class Filter:
     ) -> None:
         self.name = name
         self.facts = facts
-        """May be exchanged between two steps, for a filter that is told when a sensor changes."""
+        """Facts of the sensors; they may be exchanged between two steps, when a sensor changes."""
         self._predict = predict
         self._rule = rule
         self._observer = observer

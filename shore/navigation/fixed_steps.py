@@ -33,9 +33,9 @@ class Synchronous:
         self.late: Counter[str] = Counter()
         """Always empty: a step takes what has arrived, whatever its age."""
         self.ahead: Counter[str] = Counter()
-        """Sensor -> measurements stamped after their frame, not fused."""
+        """Number of measurements of each sensor that are stamped after their frame and not fused."""
         self._used_ns: dict[int, int] = {}
-        """Rank -> time of the newest measurement that a step has used."""
+        """Boat time of the newest measurement of each rank that a step has used, ns."""
 
     def push(self, batch: Batch) -> list[Moment]:
         """Take in a batch. Returns the moment of every step that its end closes; the first frame's end is the first."""

@@ -58,7 +58,7 @@ class _Block:
     times_ns: list[int]
     inputs: list[ImuInput]
     counts: list[int]
-    """How many samples each input is the mean of."""
+    """Number of samples of which each input is the mean."""
     stretches: list[Stretch] = field(default_factory=list)
 
     @property
@@ -82,7 +82,7 @@ class ImuTrack:
         axes = zip(IMU_AXES, _LIMITS, strict=True)
         self._limits = tuple(limit if axis in sensor.use else math.inf for axis, limit in axes)
         self.left_out = 0
-        """Samples that were no plausible numbers."""
+        """Number of samples that were no plausible numbers."""
 
     def insert(self, block: ImuBlock, boot_id: str) -> tuple[int, int] | None:
         """Take in a block in any order. Returns the time after which the track has changed and the block's last sample.

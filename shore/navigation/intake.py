@@ -11,7 +11,7 @@ from shore.navigation.imu_track import ImuTrack, blocks_of, driving_sensor
 from shore.navigation.measurements import Reader
 
 FAR_FIXES: Final = 10
-"""So many fixes in a row beyond the plane's reach: it was the origin that was wrong (or the boat was carried away)."""
+"""Number of fixes in a row beyond the plane's reach that mean a wrong origin (or a boat that was carried away)."""
 
 
 class Intake:

@@ -18,15 +18,15 @@ class Evidence(NamedTuple):
     t_ns: int
     """Boat time of the measurement."""
     channel: str
-    """`gps1.east`, `compass1.heading`, ..."""
+    """Channel of the scalar: `gps1.east`, `compass1.heading`, ..."""
     innovation: Number
-    """Measured - expected, m or rad; an angle is wrapped."""
+    """Innovation: measured - expected, m or rad; an angle is wrapped."""
     prior_variance: Number
-    """h P h^T, m^2 or rad^2."""
+    """Variance h P h^T of the expected number, m^2 or rad^2."""
     variance: Number
     """R in use, m^2 or rad^2, not yet adapted to this innovation, whose variance is S = prior_variance + variance."""
     state: Gaussian
-    """What the filter believes; of a fix, north is judged with the state into which east is fused."""
+    """State of the filter before the update; of a fix, north is judged with the state into which east is fused."""
 
 
 class Verdict(NamedTuple):

@@ -30,13 +30,13 @@ class Predicted(NamedTuple):
     """The state after a step."""
 
     x: Array
-    """Mean (..., n)."""
+    """Mean of the state after the step, (..., n)."""
     P: Array
-    """Covariance (..., n, n)."""
+    """Covariance of the state after the step, (..., n, n)."""
     covary: Callable[[], Array]
     """Calculates `cross`, which only the smoother needs."""
     repairs: int = 0
-    """Factors of P that needed jitter."""
+    """Number of factors of P that needed jitter."""
 
     @property
     def cross(self) -> Array:

@@ -19,20 +19,22 @@ COEFFICIENTS: Final = "wmm/WMM_2025.COF"
 """Named, because the library's default changes with its version and a replay must not."""
 FIRST_YEAR: Final = 2025.0
 LAST_YEAR: Final = 2030.0
-"""The model's life. Outside it the nearest year is used: what is wrong then grows by 0.25 deg a year or less (95 % of
-the earth), and a receiver that lost 1024 weeks does little harm."""
+"""Last year of the model's life. Outside it the nearest year is used: what is wrong then grows by 0.25 deg a year or
+less (95 % of the earth), and a receiver that lost 1024 weeks does little harm."""
 MIDDLE_YEAR: Final = 0.5 * (FIRST_YEAR + LAST_YEAR)
-"""Stands for an unknown date: at most 2.5 years, 0.6 deg (95 % of the earth), from any date of the model's life."""
+"""Year that stands for an unknown date: at most 2.5 years, 0.6 deg (95 % of the earth), from any date of the model's
+life."""
 MOVED_M: Final = 10_000.0
-"""Calculated again after so far: 0.17 deg at most where the horizontal field exceeds 20,000 nT (two thirds of the
-earth, median 0.03), half the doubt the model itself has there."""
+"""Distance after which the variation is calculated again, m: 0.17 deg at most where the horizontal field exceeds 20,000
+nT (two thirds of the earth, median 0.03), half the doubt the model itself has there."""
 AGED_NS: Final = 24 * 3600 * NS_PER_S
-"""And after a day, in which the field turns by less than 0.001 deg: a receiver's date may have come right meanwhile."""
+"""Age after which it is calculated again, ns: a day, in which the field turns by less than 0.001 deg; a receiver's date
+may have come right meanwhile."""
 CAUTION_NT: Final = 6000.0
 BLACKOUT_NT: Final = 2000.0
 """Horizontal field below which the model's authors call for caution, and call compasses unreliable."""
 UNDATED_AFTER_S: Final = 10.0
-"""A receiver that knows the date has told it by then."""
+"""Time after which a receiver that knows the date has given it, s."""
 
 
 class _Place(NamedTuple):
@@ -42,7 +44,7 @@ class _Place(NamedTuple):
 
 
 class Variation:
-    """The variation at the newest fix; tells which value it gives and each kind of doubt once."""
+    """The variation at the newest fix; says which value it gives, and each kind of doubt once."""
 
     def __init__(self, tell: Callable[[Event], None]) -> None:
         self._model = GeoMag(coefficients_file=COEFFICIENTS)

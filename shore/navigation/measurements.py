@@ -33,9 +33,9 @@ class Scalar(NamedTuple):
     row: Row
     """Derivative of the expected number by the state."""
     innovation: Number
-    """Measured - expected, m or rad; an angle is wrapped."""
+    """Innovation: measured - expected, m or rad; an angle is wrapped."""
     channel: str
-    """Whose R it has: `gps1.east`, ..."""
+    """Channel whose R it has: `gps1.east`, ..."""
 
 
 class PseudoScalar(NamedTuple):
@@ -55,7 +55,7 @@ Part = Callable[[StateSpace, Array, Lever | None], Scalar]
 """One component of a measurement: (states, x (..., n), lever arm of its sensor) -> its scalar. It is called with the
 state into which the components before it are fused."""
 PseudoPart = Callable[[StateSpace, Array], PseudoScalar | None]
-"""The same of a pseudo-measurement; `None` where it is about a state that there is not."""
+"""One component of a pseudo-measurement, called likewise; `None` where it is about a state that the filter lacks."""
 
 
 def is_angle(channel: str) -> bool:
@@ -85,12 +85,12 @@ class Measurement(Protocol):
 
     @property
     def rank(self) -> int:
-        """Its place among measurements of the same time, above 0; a synchronous step takes the newest of each rank."""
+        """Place among measurements of the same time, above 0; a synchronous step takes the newest of each rank."""
         ...
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """Its components in the order in which they are fused; their errors are independent."""
+        """Components in the order in which they are fused; their errors are independent."""
         ...
 
     def seed(self, seeds: Seeds) -> Seeds:
@@ -103,7 +103,7 @@ class PseudoMeasurement(Protocol):
 
     @property
     def parts(self) -> tuple[PseudoPart, ...]:
-        """Its components in the order in which they are fused."""
+        """Components in the order in which they are fused."""
         ...
 
 
@@ -115,13 +115,13 @@ class Position(NamedTuple):
     east_m: Number
     north_m: Number
     velocity_m_s: tuple[float, float] | None = None
-    """(east, north), from SOG and COG when moving."""
+    """Velocity over ground (east, north), m/s, from SOG and COG when moving."""
     course_rad: float | None = None
-    """COG, when it may stand for a heading."""
+    """Course over ground, rad, when it may stand for a heading."""
 
     @property
     def rank(self) -> int:
-        """Before headings."""
+        """Rank of fixes, before headings."""
         return 1
 
     @property
@@ -162,7 +162,7 @@ class TrueHeading(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """After fixes."""
+        """Rank of headings, after fixes."""
         return 2
 
     @property
@@ -197,7 +197,7 @@ class Course(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """As a heading."""
+        """Rank of courses, the same as that of headings."""
         return 2
 
     @property
@@ -231,14 +231,14 @@ def with_courses(measurements: Iterable[Measurement]) -> Iterator[Measurement]:
 
 
 class Reader:
-    """Corrects and converts measurements with the boat's sensor facts; tells each kind of trouble once."""
+    """Corrects and converts measurements with the boat's sensor facts; reports each kind of trouble once."""
 
     def __init__(self, config: BoatConfig, tell: Callable[[Event], None]) -> None:
         self._sensors = {sensor.id: sensor for sensor in config.sensor}
         self._variation_deg = config.boat.variation_deg
         self._tell = tell
         self.far_in_a_row = 0
-        """Usable fixes since the last one within `FARTHEST_M`."""
+        """Number of usable fixes since the last one within `FARTHEST_M`."""
         self._model = Variation(tell)
         self._newest_ns: int | None = None
         self._is_newest = True
@@ -303,7 +303,7 @@ class Reader:
         return self._model.east_deg(heading.t_ns, heading.sensor)
 
     def _too_far(self, fix: Fix, distance_m: float) -> bool:
-        """Told once for each excursion."""
+        """Make an event, once for each excursion."""
         if distance_m <= FARTHEST_M:
             self.far_in_a_row = 0
             return False

@@ -36,10 +36,10 @@ EXTRA_NAMES: Final = (
 flows to; the way is the speed through the water that the thrust keeps up."""
 
 FREE_ACCEL_DENSITY: Final = math.sqrt(0.2)
-"""m/s^2/sqrt(Hz): an axis without IMU moves at constant velocity disturbed by 0.2 m^2/s^3."""
+"""Noise density of an axis without IMU, m/s^2/sqrt(Hz): constant velocity disturbed by 0.2 m^2/s^3."""
 
 FREE_TURN_DENSITY_DEG: Final = 5.0
-"""deg/s/sqrt(Hz): without a yaw rate the heading is a random walk.
+"""Noise density of the heading without a yaw rate, deg/s/sqrt(Hz): a random walk.
 
 A small craft turns at 5 to 15 deg/s. At 5, a turn of 10 deg/s is two sigma for a 1 Hz compass, so the filter
 follows it; a 1 deg, 10 Hz compass is still smoothed; after a minute without compass sigma is 39 deg, honestly lost.
@@ -50,13 +50,13 @@ class Extra(NamedTuple):
     """A state beyond the thesis' five."""
 
     name: str
-    """One of `EXTRA_NAMES`."""
+    """Name of the state, one of `EXTRA_NAMES`."""
     sigma: float
-    """1-sigma of its prior, whose mean is 0."""
+    """1-sigma of the state's prior, whose mean is 0."""
     walk: float = 0.0
     """Density of its random walk, unit / sqrt(s)."""
     limit: float = math.inf
-    """Its magnitude is kept within this."""
+    """Largest magnitude of the state, which is kept within it."""
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,9 @@ class Gaussian(NamedTuple):
 
     space: StateSpace
     x: Array
-    """Mean (..., n)."""
+    """Mean of the state, (..., n)."""
     P: Array
-    """Covariance (..., n, n)."""
+    """Covariance of the state, (..., n, n)."""
 
 
 class ImuInput(NamedTuple):
@@ -167,7 +167,7 @@ class _Drive(NamedTuple):
     sin: Number
     """Sine of the heading at the middle of the step."""
     cos: Number
-    """Its cosine."""
+    """Cosine of the heading at the middle of the step."""
     turn: Number
     """Turn over the step, rad, + bow to starboard."""
     fwd: Number

@@ -12,13 +12,13 @@ SUMMED_NS: Final = 10 * NS_PER_S
 
 
 class Notices:
-    """Gathers events until somebody takes them."""
+    """Gathers events until they are taken."""
 
     def __init__(self) -> None:
         self._events: list[Event] = []
         self._said: set[Hashable] = set()
         self._counted: dict[tuple[str, str], tuple[int, int]] = {}
-        """(code, sensor) -> count when it was said last, and the boat time of that."""
+        """Count when it was said last, and the boat time (ns) of that, by (code, sensor)."""
 
     def add(self, happened: Event) -> None:
         """An event that is made elsewhere."""

@@ -3,8 +3,8 @@
 A field says how the water flows; a boat goes through it where its bow points, with the way that its thrust keeps up.
 All of it is wrong for a while in the same sense. Fused each second as if every time were independent it would claim
 far too much. So what is wrong by sigma within T is fused as the white noise that tells as little, 2 sigma^2 T / dt.
-A state that wanders by sigma / sqrt(T) and is told its value with sigma^2 T / dt keeps the doubt sigma and forgets
-within T what it differed by. The way itself is never told: the filter finds it while it has fixes.
+A state that wanders by sigma / sqrt(T) and is given its value with sigma^2 T / dt keeps the doubt sigma and forgets
+within T what it differed by. The way itself is never given: the filter finds it while it has fixes.
 """
 
 import math
@@ -52,7 +52,7 @@ class Stream(NamedTuple):
     """How much the current has changed since the last time, at the place estimated then."""
     change_north_m_s: Number
     variance: float
-    """R of each axis, m^2/s^2."""
+    """Variance R of each axis, m^2/s^2."""
 
     @property
     def parts(self) -> tuple[PseudoPart, ...]:
@@ -75,30 +75,30 @@ class Stream(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Water:
-    """What a filter is told; all 1-sigma."""
+    """What a filter is given about the water; all numbers are 1-sigma."""
 
     field: VectorField | None = None
     """Velocity of the water by place on the filter's plane and time; `None` = unknown: it wanders by `walk_m_s`."""
     field_error_m_s: float = 0.1
-    """Error of the field on each axis: an atlas of tides, a model's grid."""
+    """Error of the field on each axis, m/s: an atlas of tides, a model's grid."""
     field_error_s: float = 600.0
-    """How long a field stays wrong in the same sense."""
+    """Time for which a field stays wrong in the same sense, s."""
     walk_m_s: float = 0.01
-    """Density m/s / sqrt(s): 0.5 m/s in 40 min."""
+    """Density of the current's random walk, m/s / sqrt(s): 0.5 m/s in 40 min."""
     largest_m_s: float = 0.5
-    """Current on each axis, before anything is known."""
+    """1-sigma of the current on each axis before anything is known, m/s."""
     leeway_m_s: float = 0.05
-    """Speed athwart through the water: wind, waves, turns."""
+    """Speed athwart through the water, m/s: wind, waves, turns."""
     leeway_s: float = 60.0
     surge_m_s: float = 0.05
-    """Speed ahead about the way: waves, helm."""
+    """Speed ahead about the way, m/s: waves, helm."""
     surge_s: float = 10.0
     largest_way_m_s: float = 2.0
-    """The way, before anything is known."""
+    """1-sigma of the way before anything is known, m/s."""
     way_m_s: float = 0.1
-    """By how much the way changes, mostly by wind ..."""
+    """Change of the way, mostly by wind, m/s, within `way_s`."""
     way_s: float = 300.0
-    """... and within which time it changes by that."""
+    """Time within which the way changes by `way_m_s`, s."""
 
     def told(self, facts: FilterFacts) -> FilterFacts:
         """The facts with current and way as states."""
@@ -111,7 +111,7 @@ class Water:
         return replace(facts, space=StateSpace((*facts.space.extras, *water)))
 
     def predict(self, each: Filter, t_s: float, dt_s: float, predict: Callable[[], object]) -> None:
-        """Let `predict` move a filter on by `dt_s` to `t_s` of the field's time, and tell it what is known there."""
+        """Let `predict` move a filter on by `dt_s` to `t_s` of the field's time, and give it what is known there."""
         before = each.estimate.x
         predict()
         if self.field is not None:

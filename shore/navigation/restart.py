@@ -25,14 +25,14 @@ SILENT_AFTER: Final = 3.0
 
 
 class Passed(NamedTuple):
-    """A prediction."""
+    """A prediction, as an operation."""
 
     dt_s: float
     imu: ImuInput | None
 
 
 class Assumed(NamedTuple):
-    """A pseudo-measurement."""
+    """A pseudo-measurement, as an operation."""
 
     known: PseudoMeasurement
 
@@ -46,23 +46,23 @@ class Opening:
     """What has happened to a filter since its start; immutable."""
 
     x: Array
-    """First state (..., n)."""
+    """Mean of the first state, (..., n)."""
     P: Array
-    """Its covariance (..., n, n)."""
+    """Covariance of the first state, (..., n, n)."""
     read_from: Mapping[int, str] = field(default_factory=dict)
     """Component -> channel it was read from: its variance holds that channel's R0, and follows when R is learned."""
     operations: tuple[Operation, ...] = ()
-    """All since the start, in order."""
+    """All operations since the start, in order."""
     counts: Mapping[str, int] = field(default_factory=dict)
-    """Sensor -> samples since the start."""
+    """Number of samples of each sensor since the start."""
     heard: Mapping[str, int] = field(default_factory=dict)
-    """Sensor -> operations since the start up to its last sample."""
+    """Number of operations since the start up to the last sample of each sensor."""
     due: int = FIRST_DUE
     """Samples of the slowest sensor at which it is filtered again next."""
 
     @classmethod
     def at(cls, x: Array, P: Array, read_from: Mapping[int, str]) -> "Opening":
-        """At a start; the sensors it was read from are waited for."""
+        """Opening at a start; the sensors it was read from are waited for."""
         return cls(x, P, read_from, counts={channel.rpartition(".")[0]: 0 for channel in read_from.values()})
 
     @property
@@ -82,7 +82,7 @@ class Opening:
         return self.due > LAST_DUE or len(self.operations) >= MOST_OPERATIONS
 
     def then(self, operation: Operation) -> "Opening":
-        """With one more operation."""
+        """The opening with one more operation."""
         operations = (*self.operations, operation)
         if isinstance(operation, Passed | Assumed):
             return replace(self, operations=operations)

@@ -30,14 +30,14 @@ class RtsLink(NamedTuple):
     x: Array
     """The earlier state, given all that was measured before the later one, (..., n)."""
     E: Array
-    """How it follows when the later one moves, (..., n, n)."""
+    """Smoother gain: how the earlier state follows when the later one moves, (..., n, n)."""
     L: Array
-    """Its covariance when the later one is known, (..., n, n)."""
+    """Covariance of the earlier state when the later one is known, (..., n, n)."""
     b: Array
     """The later state as it was predicted, (..., n)."""
 
     def then(self, following: "RtsLink") -> "RtsLink":
-        """From the earlier state of this link to the later one of the next, which begins where this one ends."""
+        """Link from the earlier state of this one to the later state of the next, which begins where this one ends."""
         x = self._at(following.x)
         L = self.L + self.E @ following.L @ self.E.swapaxes(-1, -2)
         return RtsLink(x, self.E @ following.E, L, following.b)

@@ -9,7 +9,7 @@ from typing import Final
 from shore.navigation.numbers import Number, magnitude, tanh
 
 LARGEST_LEAK_PER_M: Final = 0.4
-"""|c| is kept within this: unbounded, the product of two uncertain states diverged when it was tried."""
+"""Largest tilt leak |c|, 1/m: without a bound, the product of two uncertain states diverged when it was tried."""
 
 LARGEST_LIFT_M2_S2: Final = 9.0
 """A = (3 m/s)^2: about its hull speed (3 m/s for a boat of 6 m) a boat keeps its trim.
@@ -17,8 +17,8 @@ Without this end a wrong c feeds on itself: the faster the boat is thought to be
 accelerate. c stays linear: were c L bounded, a filter at the bound would take c for known, and blame the bias."""
 
 TRIM_UNREST: Final = 0.5
-"""sqrt(s): where the bow rises with speed, the forward axis is by this times (1-sigma of c) L noisier. The bow does
-not follow the speed at once: for half a second after each change of thrust the leak is wrong by about half of what is
+"""Factor, sqrt(s): where the bow rises with speed, the forward axis is noisier by it times (1-sigma of c) L. The bow
+does not follow the speed at once: for half a second after each change of thrust the leak is wrong by about half of what is
 expected of it, and half x sqrt(2 x 0.5 s) = 0.5."""
 
 

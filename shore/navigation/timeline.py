@@ -42,7 +42,7 @@ class Event:
 
     @property
     def t_ns(self) -> int:
-        """Boat time."""
+        """Boat time of the event, ns."""
         return self.key[0]
 
     @property
@@ -64,13 +64,13 @@ class Order:
 
     def __init__(self, imu: ImuTrack | None) -> None:
         self.events: list[Event] = []
-        """In order; dropped by `forget`."""
+        """Events in order of time; `forget` drops the old ones."""
         self.newest_ns: int | None = None
-        """The newest end of a frame."""
+        """Boat time of the newest end of a frame, ns; `None` before the first."""
         self.late: Counter[str] = Counter()
-        """Sensor -> measurements older than the horizon, not fused."""
+        """Number of measurements of each sensor that are older than the horizon and not fused."""
         self.ahead: Counter[str] = Counter()
-        """Sensor -> measurements stamped after their frame, not fused."""
+        """Number of measurements of each sensor that are stamped after their frame and not fused."""
         self._imu = imu
         self._arrivals = 0
 

@@ -34,7 +34,7 @@ def weights(n: int) -> tuple[Array, Array, float]:
 
 @cache
 def _directions(n: int) -> Array:
-    """Of the sigma points from the mean in steps of the factor's columns, (2n+1, n)."""
+    """Directions of the sigma points from the mean in steps of the factor's columns, (2n+1, n)."""
     spread = weights(n)[2]
     return np.vstack((np.zeros(n), spread * np.eye(n), -spread * np.eye(n)))
 

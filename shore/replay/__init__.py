@@ -1,1 +1,1 @@
-"""`wayfix replay`: a log through the filters again, compared with the live run."""
+"""Replay (`wayfix replay`): a log through the filters again, compared with the live run."""

@@ -1,4 +1,4 @@
-"""The frames of a log in order of boat time; their bytes wait in a temporary file, so that memory stays small."""
+"""External sort of a log's frames by boat time; their bytes wait in a temporary file, so that memory stays small."""
 
 from array import array
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from common.errors import WayfixError
 from common.messages import Frame
 
 IN_MEMORY: Final = 64 * 2**20
-"""Bytes of frames; more than these go to the disk."""
+"""Most bytes of frames in memory; more of them go to the disk."""
 
 
 class FramesByTime:
@@ -23,9 +23,9 @@ class FramesByTime:
     def __init__(self) -> None:
         self._file = SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115 (closed with this object)
         self._clocks: dict[str, int] = {}
-        """clock_id -> number, in order of arrival."""
+        """Number of each clock in order of arrival, by clock_id."""
         self._starts: list[int] = []
-        """By number of the clock: one of its start_no, which do not mix with those of other clocks."""
+        """One start_no of each clock, by number of the clock; the start numbers of different clocks do not mix."""
         self._clock, self._t1_ns, self._seq, self._stop, self._group = (array("q") for _ in range(5))
 
     def __len__(self) -> int:
@@ -59,5 +59,5 @@ class FramesByTime:
             yield self._file.read(self._stop[index] - start), self._group[index]
 
     def close(self) -> None:
-        """Give the space back."""
+        """Release the temporary file."""
         self._file.close()

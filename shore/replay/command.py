@@ -1,4 +1,4 @@
-"""`wayfix replay`: a log through the filters again, and beside what was recorded, a reference, or another filter."""
+"""`wayfix replay` (command line): a log through the filters again, compared with the live run or a reference."""
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ LONGEST_S = 1e9
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `wayfix replay`."""
+    """Add the arguments of `wayfix replay`."""
     parser.add_argument("log", type=Path, help="a log of `wayfix connect`, `demo`, `import` or `replay --record`")
     parser.add_argument(
         "--reference", type=Path, metavar="FILE", help="CSV t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]"
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_span(parser: argparse.ArgumentParser) -> None:
-    """`--from` and `--to`."""
+    """Add `--from` and `--to`."""
     seconds = number(float, 0.0, LONGEST_S)
     parser.add_argument("--from", dest="from_s", type=seconds, metavar="S", help="begin at this second of the log")
     parser.add_argument("--to", dest="to_s", type=seconds, metavar="S", help="end at this second of the log")
@@ -120,12 +120,12 @@ class Looked:
 
     @property
     def consistency(self) -> "Consistency":
-        """Of every filter."""
+        """Consistency (NIS, sigma) of every filter."""
         return self._consistency.consistency
 
     @property
     def score(self) -> "Score | None":
-        """Against the reference, when one was given and a frame came."""
+        """Score against the reference, when one was given and a frame came."""
         return None if self._score is None else self._score.score
 
     def play(self) -> bool:
@@ -247,7 +247,7 @@ def _counted(kind: str, counts: "Counts") -> str:
 
 
 def _tell_versions(replay: "Replay") -> None:
-    """Another version of a library may change the last digits."""
+    """Report other versions of libraries: they may change the last digits."""
     from shore.logbook.session import start_record
 
     recorded, ours = replay.start.record.get("versions") or {}, start_record({}, {}, 0)["versions"]
@@ -258,7 +258,7 @@ def _tell_versions(replay: "Replay") -> None:
 
 
 def _progress(what: str) -> "AbstractContextManager[Watcher | None]":
-    """A line on a terminal's stderr; `None` where nobody looks."""
+    """A line on a terminal's stderr; `None` where stderr is no terminal."""
     if not (sys.stderr and sys.stderr.isatty()):
         return nullcontext()
     from shore.watchers.progress import Progress

@@ -1,4 +1,4 @@
-"""What a replay makes, beside what the live run recorded: estimates and events, bit for bit.
+"""Bit-exact comparison of a replay's estimates and events with those that the live run recorded.
 
 Both stand in the log behind the frame that caused them and in the order in which they were made, so one queue of what
 is not found yet is enough, whatever the length of the log.
@@ -18,22 +18,22 @@ from shore.logbook.schemas import ESTIMATES
 from shore.watchers.watcher import Step
 
 LONGEST: Final = 1000
-"""What waits longer than for so many others is not in the log."""
+"""An item that waits while this many others come is not in the log."""
 
 
 @dataclass(slots=True)
 class Counts:
-    """How many of one kind."""
+    """Counts of items of one kind."""
 
     made: int = 0
     recorded: int = 0
     equal: int = 0
-    """Recorded and found again to the last bit."""
+    """Number of items recorded and found again to the last bit."""
     different: int = 0
     missing: int = 0
-    """Recorded, but not made."""
+    """Number of items that were recorded, but not made."""
     extra: int = 0
-    """Made, but not recorded."""
+    """Number of items that were made, but not recorded."""
 
     @property
     def differs(self) -> bool:
@@ -46,10 +46,10 @@ class Difference:
     """The first thing that is not as recorded."""
 
     what: str
-    """Filter, or code and source of the event."""
+    """Name of the filter, or code and source of the event."""
     t_ns: int
     t_s: float
-    """Seconds of the log."""
+    """Time of the difference, seconds of the log."""
     how: str
 
     def __str__(self) -> str:
@@ -57,7 +57,7 @@ class Difference:
 
 
 Key = tuple[str, int]
-"""(filter, or code and source of an event; boat time)."""
+"""Identity of an item: filter, or code and source of an event; boat time, ns."""
 Made = tuple[Key, Any]
 NOT_MADE: Final = "in the log, but not made"
 NOT_RECORDED: Final = "made, but not in the log"
@@ -107,16 +107,16 @@ class Comparison:
         self._estimates, self._events = Kind(), Kind()
         self.first: Difference | None = None
         self._newest = (0, 0.0)
-        """Boat time and seconds of the log of the newest frame."""
+        """Boat time (ns) and seconds of the log of the newest frame."""
 
     @property
     def estimates(self) -> Counts:
-        """Of all filters compared."""
+        """Counts over the estimates of all filters that are compared."""
         return self._estimates.counts
 
     @property
     def events(self) -> Counts | None:
-        """`None` when they are not compared."""
+        """Counts of the events; `None` when they are not compared."""
         return self._events.counts if self._with_events else None
 
     def take(self, step: Step) -> None:
@@ -130,7 +130,7 @@ class Comparison:
                 self._events.make((f"{event.code} of {event.source}", event.t_ns), event)
 
     def estimate(self, record: LogRecord) -> None:
-        """A recorded estimate."""
+        """Take a recorded estimate."""
         name = record.topic.removeprefix(ESTIMATES)
         if name not in self._filters:
             return
@@ -148,7 +148,7 @@ class Comparison:
         self._note(found[0], _apart(made, recorded) if recorded else NOT_READ)
 
     def event(self, recorded: dict[str, Any]) -> None:
-        """A recorded event, with the fields of `Event`."""
+        """Take a recorded event, with the fields of `Event`."""
         if not self._with_events or is_of_station(recorded["code"]):
             return
         found = self._found(self._events, (f"{recorded['code']} of {recorded['source']}", recorded["t_ns"]))
@@ -186,7 +186,7 @@ class Comparison:
 
 
 def _apart(made: dict[str, Any], recorded: dict[str, Any]) -> str:
-    """The first field of an estimate that is another."""
+    """The first field in which two estimates differ."""
     shown = logged(made) if "digest" in recorded else made
     for name, value in shown.items():
         other = recorded.get(name)

@@ -1,4 +1,4 @@
-"""The frames of a log, in order of arrival or of boat time, with the session each belongs to.
+"""Frame source of a replay: the frames of a log, in order of arrival or of boat time, each with its session.
 
 One pass: memory does not grow with the log, but for 40 bytes a frame in order of time.
 """
@@ -22,7 +22,7 @@ from shore.replay.boat_time_order import FramesByTime
 from shore.watchers.watcher import Arrival, RunSeconds, Start
 
 ORDERS: Final = ("arrival", "time")
-"""As live, every frame when it came; by boat time, so that late backfill is in its place."""
+"""Orders of the frames: by arrival, as live, or by boat time, so that late backfill is in its place."""
 
 
 class Span(NamedTuple):
@@ -62,9 +62,9 @@ class Frames:
         """Raises WayfixError for a log without configuration."""
         self.start = session_start(reader, reader.path)
         self.bad = 0
-        """Frames that could not be decoded."""
+        """Number of frames that could not be decoded."""
         self.late = 0
-        """Frames that came later than the timeline rewinds; fused in order of time only."""
+        """Number of frames later than the timeline can rewind; they are fused in order of time only."""
         self._reader = reader
         self._order = order
         self._span = span or Span()

@@ -1,4 +1,4 @@
-"""Replay, a source of steps: the recorded frames through the very pipeline that ran live, in order of arrival or time.
+"""Replay, a source of steps: the recorded frames through the same pipeline as live, in order of arrival or time.
 
     replay = Replay(Path("20261122T140055Z-springer.mcap"))
     replay.run(watchers)                    # or: for step in replay: ...
@@ -28,7 +28,7 @@ from shore.replay.smooth import smooth_log
 from shore.watchers.watcher import SourceState, Start, Step, Watcher
 
 KEPT_KINDS: Final = ("trip", "operator")
-"""Session records that a replay passes on."""
+"""Kinds of session records that a replay passes on."""
 LONGEST_SLEEP_S: Final = 0.2
 
 
@@ -45,11 +45,11 @@ class Pace:
         self._speed = speed
         self._now_s, self._sleep = now_s, sleep
         self._begun: tuple[float, float] | None = None
-        """Clock and seconds of the log at the first frame."""
+        """Clock reading (s) and seconds of the log at the first frame."""
         self._next_s = 0.0
 
     def wait_for(self, t_s: float, each_second: Callable[[], None]) -> None:
-        """Until second `t_s` of the log is due, a late frame not at all; `each_second` is called once a second."""
+        """Wait until second `t_s` of the log is due, a late frame not at all; `each_second` is called once a second."""
         if self._begun is None:
             self._begun = self._now_s(), t_s
             self._next_s = self._begun[0] + 1.0
@@ -86,7 +86,7 @@ class Replay:
         self.frames = 0
         self.estimates = 0
         self.why_not: str | None = None
-        """Why nothing is compared with what was recorded."""
+        """Why nothing is compared with what was recorded; `None` = it is compared."""
         if order == "time":
             self.why_not = "no live run could have made estimates in order of boat time"
         elif self.step_s != live_step_s:
@@ -104,7 +104,7 @@ class Replay:
 
     @property
     def start(self) -> Start:
-        """What the log begins with."""
+        """The session record at the beginning of the log."""
         return self.source.start
 
     @property

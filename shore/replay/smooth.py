@@ -1,4 +1,4 @@
-"""Fixed-interval smoothing: every estimate knows the whole log. Frames in order of boat time in, estimates out.
+"""Fixed-interval smoothing: each estimate uses the whole log. Frames in order of boat time in, estimates out.
 
 Each measurement and each IMU sample is taken once and at its own time, when nothing older can come any more: that is
 what the timeline's order ends in, without its rewinding.
@@ -25,7 +25,7 @@ from shore.navigation.smoother import Smoother
 from shore.navigation.timeline import HORIZON_NS, Order
 
 SUFFIX: Final = "-smoothed"
-"""What stands behind the filter's name in the estimates."""
+"""Suffix of the filter's name in smoothed estimates."""
 COLUMNS: Final = (
     "t_s", "lat_deg", "lon_deg", "heading_true_deg", "t_ns", "sog_kn", "sigma_east_m", "sigma_north_m",
     "sigma_heading_deg",
@@ -61,7 +61,7 @@ class _Run:
         self._smoother = Smoother(name, facts)
         self._bank = Bank([self._smoother.filter], facts, has_compass=bool(config.with_role("compass")))
         self._moment = self._bank.at_rest()
-        """The memory after the last settled event."""
+        """Memory of the filter after the last settled event."""
         self._name = name + SUFFIX
         self._ends: deque[Frame] = deque()
         """Frames whose end is still to come."""
@@ -71,7 +71,7 @@ class _Run:
 
     @property
     def is_out_of_reach(self) -> bool:
-        """Everything must begin again on another plane."""
+        """True when everything must begin again on another plane."""
         return self._intake.is_out_of_reach
 
     def take(self, frame: Frame) -> None:
@@ -119,7 +119,7 @@ class _Run:
 
 
 def _bare(frame: Frame) -> Frame:
-    """Identity and times, without what was measured: as many stay in memory as the log has frames."""
+    """The frame with identity and times only, because as many stay in memory as the log has frames."""
     return Frame(
         boat_id=frame.boat_id,
         boot_id=frame.boot_id,

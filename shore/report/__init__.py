@@ -1,1 +1,1 @@
-"""Scores against a reference track, and pictures of a trip."""
+"""Reports: scores against a reference track (RMS error), and pictures of a trip."""

@@ -1,4 +1,4 @@
-"""The picture of a run: tracks, headings and position errors of raw sensors and filters against the truth."""
+"""Error plots of a run: tracks, headings and position errors of raw sensors and filters against the truth."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -25,7 +25,7 @@ STYLES: Final[dict[str, dict[str, Any]]] = {
 }
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis", "ukf", "fuzzy")
 INSET_M: Final = 45.0
-"""Half width of the enlarged piece of track."""
+"""Half width of the enlarged piece of track, m."""
 CORNERS: Final = ((0, 1), (1, 1), (0, 0), (1, 0))
 
 
@@ -54,7 +54,7 @@ def draw(path: Path, score: Score, frames: list[Frame], estimates: list[dict[str
 
 
 def _track(score: Score, estimates: list[dict[str, Any]]) -> Points:
-    """(m, 2) east/north metres about the reference's first point."""
+    """Track (m, 2), east/north metres about the reference's first point."""
     return np.array([score.reference.plane.to_east_north_m(item["lat_deg"], item["lon_deg"]) for item in estimates])
 
 
@@ -81,7 +81,7 @@ def _draw_tracks(axes: Any, score: Score, frames: list[Frame], tracks: dict[str,
 
 
 def _emptiest_corner(points: Points) -> tuple[int, int]:
-    """Where the inset hides the least: 0 or 1 along each axis."""
+    """Corner in which the inset hides the least: 0 or 1 along each axis."""
     low, high = points.min(axis=0), points.max(axis=0)
     share = (points - low) / np.maximum(high - low, 1e-9)
     return min(CORNERS, key=lambda corner: int(np.sum(np.all(np.abs(share - np.array(corner)) < 0.5, axis=1))))

@@ -1,4 +1,4 @@
-"""Scores a log against a reference track: RMS of position and heading for raw sensors and every filter.
+"""RMS errors of a log against a reference track: position and heading of raw sensors and of every filter.
 
 Position error is horizontal distance (m), heading error is wrapped (deg). Estimates are scored at their own boat time,
 fixes and headings at theirs; the reference is interpolated, never extrapolated.
@@ -29,19 +29,19 @@ REQUIRED_COLUMNS: Final = ("t_s", "lat_deg", "lon_deg", "heading_true_deg")
 RANGES: Final = {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 180.0), "heading_true_deg": (-360.0, 360.0)}
 LEAST_ROWS: Final = 2
 LONGEST_GAP_S: Final = 2.0
-"""Over a longer hole the reference is not interpolated: nothing is known there."""
+"""Longest hole of the reference over which it is interpolated, s: nothing is known in a longer one."""
 LATE_SHARE: Final = 0.75
-"""The last quarter begins after this share of the scored time."""
+"""Share of the scored time after which the last quarter begins."""
 POSITION_CHANNELS: Final = (".east", ".north")
 FIGURES: Final = ("nis_position", "nis_heading", "sigma_m", "sigma_deg")
-"""Of `Consistency`."""
+"""Names of the figures that `Consistency` gives for each filter."""
 
 
 class Reference:
     """A reference track on the boat clock: CSV `t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]`."""
 
     def __init__(self, t_ns: Array, lat_deg: Array, lon_deg: Array, heading_true_deg: Array) -> None:
-        """Arrays (n,), times increasing, whole ns as floats relative to nothing: the boat clock itself."""
+        """Arrays (n,) with times increasing: whole ns of the boat clock as floats, without an offset."""
         self.plane = LocalPlane(float(lat_deg[0]), float(lon_deg[0]))
         positions = [self.plane.to_east_north_m(float(a), float(b)) for a, b in zip(lat_deg, lon_deg, strict=True)]
         self.start_ns = float(t_ns[0])
@@ -53,7 +53,7 @@ class Reference:
 
     @property
     def t_s(self) -> Array:
-        """Seconds since the reference's first row, (n,)."""
+        """Time since the reference's first row, s, (n,)."""
         return self._t_s
 
     def at(self, t_ns: int) -> tuple[float, float, float] | None:
@@ -206,7 +206,7 @@ def score_of(
 
 
 def score_table(summary: dict[str, Any]) -> str:
-    """The short table a person reads."""
+    """The short table for a person."""
     columns = [summary[name + late] for name in ("position_rms_m", "heading_rms_deg") for late in ("", "_last_quarter")]
     lines = [
         f"{'':14}{'position RMS, m':>22}{'heading RMS, deg':>24}",
@@ -220,13 +220,13 @@ def score_table(summary: dict[str, Any]) -> str:
 
 
 class Consistency:
-    """How well each filter's own doubt fits what it is told, without any reference: NIS and sigma."""
+    """Filter consistency without a reference (NIS, sigma): how well each covariance fits the innovations."""
 
     def __init__(self) -> None:
         self._sums: dict[str, dict[str, tuple[float, int]]] = {}
-        """filter -> figure -> sum, count."""
+        """Sum and count of each figure, by filter and figure."""
         self._last: dict[tuple[str, str], float] = {}
-        """(filter, channel) -> NIS of its newest update."""
+        """NIS of the newest update, by (filter, channel)."""
 
     def take(self, record: dict[str, Any]) -> None:
         """One estimate (`Estimate.as_record`); one that is not aligned counts for nothing."""
@@ -242,7 +242,7 @@ class Consistency:
                 self._add(name, "nis_position" if channel.endswith(POSITION_CHANNELS) else "nis_heading", nis)
 
     def summary(self) -> dict[str, dict[str, float | int | None]]:
-        """For each filter: mean NIS per dimension (1 = its doubt fits), mean 1-sigma, aligned estimates."""
+        """Mean NIS per dimension (1 = its doubt fits), mean 1-sigma and count of aligned estimates, for each filter."""
         return {
             name: {
                 **{figure: _mean(sums.get(figure)) for figure in FIGURES},
@@ -262,7 +262,7 @@ def _mean(summed: tuple[float, int] | None) -> float | None:
 
 
 def consistency_table(summary: dict[str, dict[str, float | int | None]]) -> str:
-    """The short table a person reads."""
+    """The short table for a person."""
     lines = [
         f"{'':14}{'NIS per dimension':>22}{'mean 1-sigma':>24}",
         f"{'':14}{'position':>11}{'heading':>11}{'m':>13}{'deg':>11}{'aligned':>11}",

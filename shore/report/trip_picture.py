@@ -1,4 +1,4 @@
-"""The picture of a trip: its track with fixes, doubt and events, and under it heading and sigmas over time."""
+"""Track plot of a trip: its track with fixes, error ellipses and events; under it heading and sigmas over time."""
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -15,12 +15,12 @@ Points = NDArray[np.float64]
 COLOURS: Final = {"fixes": "#9db4c8", "track": "#d62839", "doubt": "#2f6fdb", "heading": "#222222", "grey": "#777777"}
 LEVELS: Final = {"info": "#2a8ae0", "warning": "#e9861b", "error": "#a0006d"}
 ELLIPSES: Final = 14
-"""Along the track; at least."""
+"""Least number of error ellipses along the track."""
 LABELS: Final = 8
-"""Warnings and errors that are named in the track; the others are marked only."""
+"""Most warnings and errors that are named in the track; the others are marked only."""
 TWO_SIGMA: Final = 2.0
 NARROW_M: Final = 2.0
-"""Half width of the track's picture, at least."""
+"""Least half width of the track's picture, m."""
 
 
 @dataclass
@@ -30,22 +30,22 @@ class TripPlot:
     title: str
     subtitle: str
     has_utc: bool
-    """Times are UTC in s since 1970, else seconds of the log."""
+    """True = times are UTC in s since 1970; False = they are seconds of the log."""
     origin: tuple[float, float]
-    """lat, lon in deg of east = north = 0."""
+    """Latitude and longitude of the point east = north = 0, deg."""
     rows: Points
-    """(n, 10): time, east, north, heading (deg), variance east, covariance, variance north (m^2), sigma heading (deg),
-    aligned, first of a piece."""
+    """Rows (n, 10): time (s), east, north (m), heading (deg), variance east, covariance, variance north (m^2), sigma
+    heading (deg), aligned, first of a piece."""
     fixes: Points
-    """(m, 2): east, north."""
+    """Positions of the fixes (m, 2): east, north, m."""
     direction: str = "true heading, deg"
-    """What the heading of `rows` is."""
+    """Label of the heading in `rows`."""
     events: list["Happening"] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """An event."""
+    """One event in the picture."""
 
     time: float
     level: str
@@ -134,7 +134,7 @@ def _mark_events(axes: Any, trip: TripPlot) -> None:
 
 
 def _frame(axes: Any, trip: TripPlot) -> None:
-    """Room about the track, and where it is; equal scales."""
+    """The limits of the picture: room about the track, with equal scales."""
     places = trip.rows[:, 1:3] if not len(trip.fixes) else np.vstack((trip.rows[:, 1:3], trip.fixes))
     low, high = places.min(axis=0), places.max(axis=0)
     middle, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, NARROW_M)
@@ -208,14 +208,14 @@ def _first(trip: TripPlot) -> NDArray[np.bool_]:
 
 
 def _broken(rows: Points, values: Points) -> Points:
-    """Not a number at the first row of each piece but the first, so that no line joins two pieces."""
+    """A copy with NaN at the first row of each piece but the first, so that no line joins two pieces."""
     begins = rows[:, 9] == 1.0
     begins[0] = False
     return np.where(begins, np.nan, values)
 
 
 def _top(values: Points) -> float:
-    """Of the axis: a short beginning with a large sigma does not flatten the rest."""
+    """Upper limit of the axis: a short beginning with a large sigma does not flatten the rest."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return 1.0
@@ -232,7 +232,7 @@ def _evenly(places: Points, count: int) -> NDArray[np.intp]:
 
 
 def _apart(rows: Points, indices: NDArray[np.intp]) -> list[int]:
-    """Without those whose ellipse would lie upon the one before: of a boat that stands, the first few."""
+    """Indices without those whose ellipse would lie upon the one before; of a boat that stands, the first few."""
     kept: list[int] = []
     for index in indices.tolist():
         size_m = TWO_SIGMA * np.sqrt(max(rows[index, 4], rows[index, 6]))
@@ -261,5 +261,5 @@ def _rgb(colour: str) -> tuple[float, float, float]:
 
 
 def when(utc_ns: int) -> str:
-    """A time in the title."""
+    """A time for the title."""
     return datetime.fromtimestamp(utc_ns // NS_PER_S, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")

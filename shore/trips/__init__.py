@@ -1,1 +1,1 @@
-"""`wayfix log`: the trips of a logbook, listed, verified, recovered and named."""
+"""Logbook commands (`wayfix log`): the trips of a logbook, listed, verified, recovered and named."""

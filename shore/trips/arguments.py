@@ -1,4 +1,4 @@
-"""Arguments of `wayfix log`, apart from the logbook itself: `wayfix --help` must not wait for mcap."""
+"""Command-line arguments of `wayfix log`, apart from the logbook itself: `wayfix --help` must not wait for mcap."""
 
 import argparse
 from importlib.util import find_spec

@@ -1,4 +1,4 @@
-"""`wayfix log`: arguments in, tables, sentences and one line of JSON out."""
+"""`wayfix log` (command line): arguments in, tables, sentences and one line of JSON out."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""One pass over a log that gathers what `wayfix log` tells of it."""
+"""Log statistics: one pass over a log gathers everything that `wayfix log` shows of it."""
 
 from ast import literal_eval
 from collections import Counter, deque
@@ -22,7 +22,7 @@ from shore.logbook.summary import KEPT, TripSummary
 
 LAST_WARNINGS: Final = 10
 _NOT_UNDERSTOOD: Final = (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError)
-"""What a record of another writer on a topic of ours may lead to."""
+"""Exceptions that a record of another writer on a topic of ours may cause."""
 
 
 @dataclass
@@ -31,30 +31,30 @@ class Examination:
 
     reader: LogReader
     counts: Counter[str] = field(default_factory=Counter)
-    """Records by topic."""
+    """Number of records of each topic."""
     sizes: Counter[str] = field(default_factory=Counter)
-    """Their bytes, unpacked."""
+    """Bytes of the records of each topic, unpacked."""
     not_understood: Counter[str] = field(default_factory=Counter)
-    """Sound records that are not what their topic promises."""
+    """Number of sound records of each topic that do not have the form their topic promises."""
     starts: list[dict[str, Any]] = field(default_factory=list)
     sessions: list[dict[str, Any]] = field(default_factory=list)
-    """The others: trip, end, summary, operator, recovered."""
+    """All other session records: trip, end, summary, operator, recovered."""
     warnings: deque[tuple[int, dict[str, Any]]] = field(default_factory=lambda: deque(maxlen=LAST_WARNINGS))
-    """Log time and the last events of level warning or error."""
+    """The last events of level warning or error, each with its log time (ns)."""
     census: Census = field(default_factory=Census)
     trip: TripSummary = field(default_factory=TripSummary)
     fixes_area: tuple[float, float, float, float] | None = None
-    """South, north, west, east of the usable fixes, deg."""
+    """Southern, northern, western and eastern limit of the usable fixes, deg."""
     first_ns: int | None = None
     last_ns: int | None = None
-    """Log times."""
+    """Log time of the last record, ns; `first_ns` is that of the first."""
     chunks: int = 0
     checked: int = 0
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
     @property
     def state(self) -> str:
-        """In a word or two."""
+        """State of the log in a word or two."""
         reader = self.reader
         if reader.is_being_written:
             return "being written"
@@ -64,7 +64,7 @@ class Examination:
 
     @property
     def missing(self) -> MissingFrames:
-        """Frames that are not there."""
+        """Frames that are missing."""
         summary = self.last("summary")
         written = summary.get("frames") if summary else None
         if not self.reader.losses:
@@ -74,7 +74,7 @@ class Examination:
 
     @property
     def words_differ(self) -> bool:
-        """The trip's metadata, which has no checksum, is not what the records say."""
+        """True when the trip's metadata, which has no checksum, differs from the records."""
         metadata = self.metadata.get(TRIP)
         if metadata is None or self.reader.losses:
             return False
@@ -100,7 +100,7 @@ class Examination:
         return {**(told[-1] if told else {"kind": "summary", **computed}), **words}
 
     def take(self, topic: str, data: bytes, log_time_ns: int) -> None:
-        """One record."""
+        """Take one record."""
         self.counts[topic] += 1
         self.sizes[topic] += len(data)
         self.first_ns = log_time_ns if self.first_ns is None else self.first_ns

@@ -1,8 +1,8 @@
-"""Regression cases: a short log, what its replay must give, and how exactly (tests/golden).
+"""Regression tests (golden cases): a short log, what its replay must give, and how exactly (tests/golden).
 
 directory/log.mcap      the frames, byte for byte, and the session they came in
 directory/expected.csv  one row every few seconds for each filter, fixed decimals: a change is read in the diff
-directory/events.csv    what the replay tells
+directory/events.csv    the events of the replay
 directory/case.toml     name, text, how it was made, filters, order, tolerance of each column
 """
 
@@ -39,10 +39,10 @@ COLUMNS: Final[dict[str, tuple[int, float]]] = {
     "sigma_north_m": (5, 3e-5),
     "sigma_heading_deg": (5, 3e-5),
 }
-"""Decimals written, and the tolerance: three units of the last one (tests/golden/README.md says why)."""
+"""Decimals that are written, and the tolerance: three units of the last one (tests/golden/README.md says why)."""
 EVENT_COLUMNS: Final = ("t_s", "source", "code")
 LOG_LIMIT: Final = 60_000
-"""Bytes of a log that is fit to be kept in a repository."""
+"""Most bytes of a log that may be kept in a repository."""
 
 Row = dict[str, str]
 
@@ -62,7 +62,7 @@ class Case:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `wayfix log case`."""
+    """Add the arguments of `wayfix log case`."""
     from shore.replay.command import add_span
     from shore.terminal import add_json
 
@@ -182,7 +182,7 @@ class Sampler:
         self._next_s: dict[str, float] = {}
 
     def rows(self, step: "Step") -> Iterator[Row]:
-        """Those of one frame."""
+        """Rows of the estimates that belong to one frame."""
         for record in step.records:
             name, t_s = record["filter"], step.t_s + (record["t_ns"] - step.frame.t1_ns) / NS_PER_S
             if t_s < self._next_s.get(name, 0.0) - 1e-6:

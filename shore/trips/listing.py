@@ -1,4 +1,4 @@
-"""`wayfix log ls`: one row for each trip, from the end of a closed log, which costs no reading of the rest."""
+"""Log index: `wayfix log ls` has one row for each trip, read from the end of a closed log without the rest of it."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -41,12 +41,12 @@ class Trip:
     path: Path
     size: int
     state: str
-    """`closed`, `cut`, `being written`, `damaged`, or why it is no log."""
+    """State of the log: `closed`, `cut`, `being written`, `damaged`, or the reason why it is no log."""
     is_log: bool
     summary: dict[str, Any]
 
     def as_record(self) -> dict[str, Any]:
-        """For JSON."""
+        """The row for JSON."""
         fields = {name: self.summary.get(name) for name in SHOWN}
         return {
             "log": str(self.path),
@@ -98,7 +98,7 @@ def trip_of(path: Path, progress: Callable[[Scan], None]) -> Trip:
 
 
 def newest_first(trips: Iterable[Trip]) -> list[Trip]:
-    """By start; those without one last."""
+    """Trips in order of their start, the newest first; those without a start are last."""
     return sorted(trips, key=lambda trip: (number(trip.summary.get("utc_ns")) or 0, trip.path.name), reverse=True)
 
 

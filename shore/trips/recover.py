@@ -1,4 +1,4 @@
-"""Write a log anew: all its sound records with an index (`recover`), or the same log with a name (`name_log`).
+"""Log recovery: all sound records go into a new file with an index (`recover`), or a log gets a name (`name_log`).
 
 What was written is read back with MCAP's own reader and compared record for record with the source, before it gets its
 name: nothing is ever overwritten by something worse.
@@ -29,7 +29,7 @@ from shore.logbook.schemas import SESSION, TRIP, json_schema
 from shore.trips.examine import Examination, as_metadata, examine
 
 Watch = Callable[[str, Scan], None]
-"""Called now and then with what is being done."""
+"""Called now and then with the name of the step that is being done and its scan."""
 _AS_IT_WAS: Final = "the log that was read is as it was"
 
 
@@ -48,7 +48,7 @@ class _Whole(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Rewritten:
-    """A log that was written anew."""
+    """A log that was written once more."""
 
     path: Path
     records: int
@@ -95,7 +95,7 @@ def name_log(path: Path, trip: dict[str, Any], watch: Watch) -> Rewritten:
 
 
 Added = Callable[[Examination], tuple[list[dict[str, Any]], dict[str, Any] | None]]
-"""What a source leads to: further `/session` records, and a new trip record of MCAP metadata in place of the old."""
+"""Called with what a source holds; returns the `/session` records to add, and the trip metadata in place of the old."""
 
 
 def _check_source(path: Path) -> None:
@@ -134,7 +134,7 @@ class _Copy:
         self._topics: dict[str, _Whole] = {}
 
     def take(self, item: Item, scan: Scan) -> None:
-        """Raises OSError."""
+        """Write one item. Raises OSError."""
         self._start(scan.profile)
         if isinstance(item, tuple):
             whole = whole_of(item, scan.schemas)

@@ -1,4 +1,4 @@
-"""What `wayfix log` shows to people."""
+"""Terminal tables and screens of `wayfix log`."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -18,9 +18,9 @@ from shore.trips.examine import Examination
 from shore.trips.listing import Trip, day, number
 
 PIPE_WIDTH: Final = 120
-"""Characters, where the output is no terminal and nobody set COLUMNS."""
+"""Width in characters where the output is no terminal and COLUMNS is not set."""
 WIDE: Final = 110
-"""Characters from which on `ls` needs one line for a trip."""
+"""Width in characters from which on `ls` needs one line for a trip."""
 STYLES: Final = {"whole": "green", "closed": "green", "being written": "cyan", "cut": "yellow", "damaged": "red"}
 _LOSSES_SHOWN: Final = 20
 _UNITS: Final = ("B", "kB", "MB", "GB", "TB")
@@ -43,7 +43,7 @@ def show(parts: Iterable[RenderableType]) -> None:
 
 
 def width_of_stdout() -> int:
-    """Characters."""
+    """Width of the output in characters."""
     return _console().width
 
 
@@ -149,7 +149,7 @@ def _verdict(result: Examination) -> str:
 
 
 def frames_text(result: Examination) -> str:
-    """How many, how many are missing, and why."""
+    """How many frames there are, how many are missing, and why."""
     missing = result.missing
     told = [f"{result.census.count}"]
     if missing.in_file:
@@ -164,7 +164,7 @@ def _counts(result: Examination) -> str:
 
 
 def info_screen(result: Examination, *, with_config: bool) -> Iterator[RenderableType]:
-    """`log info`."""
+    """Screen of `log info`."""
     summary = result.summary()
     grid = _grid()
     for label, text in _trip_rows(result, summary):

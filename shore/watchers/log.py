@@ -1,4 +1,4 @@
-"""Logs as watchers: every frame with its bytes, estimates, events and sessions, in the order in which they came."""
+"""Log watchers: every frame with its bytes, estimates, events and sessions, in the order in which they came."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,19 +22,19 @@ class LogWatcher(Watcher):
         self._write = write
 
     def begin(self, start: Start, t_ns: int) -> None:
-        """The session record, on the disk when this returns."""
+        """Write the session record, which is on the disk when this returns."""
         self._write(lambda writer: writer.write_session(start.record, t_ns))
 
     def take(self, step: Step) -> None:
-        """The frame's bytes first, then what it led to."""
+        """Write the frame's bytes first, then what it led to."""
         self._write(lambda writer: _write_step(writer, step))
 
     def happened(self, event: Event, t_ns: int) -> None:
-        """An event of the source."""
+        """Write an event of the source."""
         self._write(lambda writer: writer.write_event(event, t_ns))
 
     def note(self, topic: str, record: dict[str, Any], t_ns: int) -> None:
-        """A record of `/session`, `/link` or, recorded before, `/events`."""
+        """Write a record of `/session`, `/link` or (events that were recorded before) `/events`."""
         if topic == SESSION:
             self._write(lambda writer: writer.write_session(record, t_ns))
         elif topic == LINK:
@@ -43,7 +43,7 @@ class LogWatcher(Watcher):
             self.happened(Event(**event_of(record)), t_ns)
 
     def end(self, tally: dict[str, Any], t_ns: int) -> None:
-        """The `end` record."""
+        """Write the `end` record."""
         self._write(lambda writer: writer.write_session({"kind": "end", **tally}, t_ns))
 
 
@@ -68,7 +68,7 @@ class WholeLog(LogWatcher):
         self._writer.abandon()  # harmless to a log that is closed
 
     def end(self, tally: dict[str, Any], t_ns: int) -> None:
-        """The end of the log; it appears under its name. Raises WayfixError when the disk is full."""
+        """End the log, which then appears under its name. Raises WayfixError when the disk is full."""
         super().end(tally, t_ns)
         self._writer.close()
 

@@ -1,4 +1,4 @@
-"""The newest of everything a person or a screen asks for, each with its source, quality, age and staleness."""
+"""Latest-value cache: the newest of everything a screen shows, each with its source, quality, age and staleness."""
 
 from typing import Final, NamedTuple, TypeVar
 
@@ -10,7 +10,7 @@ from shore.navigation.estimate import Estimate
 from shore.pipeline import Output
 
 _QUALITY: Final = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
-"""GGA quality of fixes that are fused."""
+"""Names of the GGA qualities of fixes that are fused."""
 STALE_ESTIMATE_S: Final = 2.0
 
 _Item = TypeVar("_Item")
@@ -21,7 +21,7 @@ class Age(NamedTuple):
 
     s: float
     is_stale: bool
-    """Older than its sensor's rate allows."""
+    """True when the value is older than its sensor's rate allows."""
 
 
 class Newest:
@@ -35,12 +35,12 @@ class Newest:
 
     def _forget(self) -> None:
         self.t_ns = 0
-        """Boat time of the newest frame."""
+        """Boat time of the newest frame, ns."""
         self.fix: Fix | None = None
         self.heading: Heading | None = None
         self.estimate: Estimate | None = None
         self.waiting: tuple[str, ...] = ()
-        """What the shown filter lacks before its estimates are valid."""
+        """What the shown filter lacks before its estimates are valid; empty = nothing."""
 
     def take(self, frame: Frame, output: Output) -> None:
         """One frame and what the pipeline made of it."""
@@ -58,13 +58,13 @@ class Newest:
         self.waiting = self.waiting if output.waiting is None else output.waiting
 
     def age(self, item: Fix | Heading) -> Age:
-        """Of a fix or heading; a sensor that is not configured has no rate, so its values are never stale."""
+        """Age of a fix or heading; a sensor that is not configured has no rate, so its values are never stale."""
         age_s = self._age_s(item.t_ns)
         table = next((each for each in self._config.sensor if each.id == item.sensor), None)
         return Age(age_s, table is not None and age_s > stale_after_s(table.role, table.rate_hz))
 
     def age_of_estimate(self, estimate: Estimate) -> Age:
-        """Of an estimate, which each frame should bring."""
+        """Age of an estimate, which each frame should bring."""
         age_s = self._age_s(estimate.t_ns)
         return Age(age_s, age_s > STALE_ESTIMATE_S)
 
@@ -73,7 +73,7 @@ class Newest:
 
 
 def quality_of(fix: Fix) -> str:
-    """How good a fix is, in a word or two; why it is not fused."""
+    """How good a fix is, in a word or two, or why it is not fused."""
     if fix.usable:
         return "fix" if fix.fix_quality is None else _QUALITY.get(fix.fix_quality, "fix")
     return "position repeated, not used" if fix.held else "not usable"

@@ -1,4 +1,4 @@
-"""Events for the person at the terminal: a line each, with the cure where there is something to do."""
+"""Event messages for the person at the terminal: a line each, with the cure where there is something to do."""
 
 from collections.abc import Callable
 
@@ -14,12 +14,12 @@ class SayEvents(Watcher):
         self._say = say
 
     def take(self, step: Step) -> None:
-        """Events of the frame and of the pipeline."""
+        """Print the events of the frame and of the pipeline."""
         for event in step.events:
             self._say_event(event)
 
     def happened(self, event: Event, t_ns: int) -> None:
-        """An event of the source."""
+        """Print an event of the source."""
         self._say_event(event)
 
     def _say_event(self, event: Event) -> None:

@@ -1,4 +1,4 @@
-"""Scores as watchers: errors against a reference track, and how well each filter's own doubt fits (NIS)."""
+"""Score watchers: RMS errors against a reference track, and the consistency of each filter (NIS)."""
 
 from pathlib import Path
 
@@ -12,11 +12,11 @@ class ScoreWatcher(Watcher):
 
     def __init__(self, reference: Path) -> None:
         self.score: Score | None = None
-        """`None` before the first step, which says when the reference begins."""
+        """The score; `None` before the first step, whose frame gives the time at which the reference begins."""
         self._reference = reference
 
     def take(self, step: Step) -> None:
-        """Raises WayfixError at the first step: the reference cannot be read."""
+        """Take a step. Raises WayfixError at the first one when the reference cannot be read."""
         if self.score is None:
             self.score = Score(read_reference(self._reference, step.frame.t0_ns), step.start.config)
         self.score.take_frame(step.frame)
@@ -25,12 +25,12 @@ class ScoreWatcher(Watcher):
 
 
 class ConsistencyWatcher(Watcher):
-    """The doubt of every filter beside its innovations."""
+    """Compares the covariance of every filter with its innovations."""
 
     def __init__(self) -> None:
         self.consistency = Consistency()
 
     def take(self, step: Step) -> None:
-        """Every estimate of the step."""
+        """Take every estimate of the step."""
         for record in step.records:
             self.consistency.take(record)

@@ -1,4 +1,4 @@
-"""The one status line a second: every number with its age, source and quality; a stale one says so."""
+"""Status line, one a second: every number has its age, source and quality, and a stale one is marked as stale."""
 
 from collections.abc import Callable
 from math import hypot
@@ -14,19 +14,19 @@ class StatusLine(Watcher):
         self._filter = shown_filter
         self._say = say
         self.newest: Newest | None = None
-        """`None` before the session began."""
+        """The newest values; `None` before the session began."""
 
     def begin(self, start: Start, t_ns: int) -> None:
-        """With another configuration all is forgotten."""
+        """Forget everything when the configuration is another one."""
         self.newest = Newest(start.config, self._filter)
 
     def take(self, step: Step) -> None:
-        """One frame, in any order."""
+        """Take one frame, in any order."""
         if self.newest is not None:
             self.newest.take(step.frame, step.output)
 
     def each_second(self, now: SourceState) -> None:
-        """Say the line."""
+        """Print the line."""
         if self.newest is not None:
             self._say(status_text(self.newest, now))
 

@@ -1,4 +1,4 @@
-"""The observer interface between a source of frames and all that looks at them.
+"""Observer interface between a source of frames and all that looks at them.
 
     source (live run, replay, import) -> pipeline -> Step -> watchers (log, status line, score, ...)
 
@@ -17,7 +17,7 @@ from shore.pipeline import Output
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What frames come under: a session record of kind `start`, and once more after a new configuration."""
+    """Session under which frames come: its `start` record, which comes again with a new configuration."""
 
     record: dict[str, Any]
     config: BoatConfig
@@ -33,11 +33,11 @@ class RunSeconds:
 
     def __init__(self) -> None:
         self._begins: dict[str, tuple[int, float]] = {}
-        """clock_id -> boat time of its first frame, seconds of the run then."""
+        """Boat time (ns) of the first frame of each clock and the seconds of the run then, by clock_id."""
         self.newest_s = 0.0
 
     def at(self, frame: Frame) -> float:
-        """At the frame's end; negative for one from before the first."""
+        """Seconds of the run at the frame's end; negative for a frame from before the first."""
         first_ns, begin_s = self._begins.setdefault(frame.clock_id, (frame.t0_ns, self.newest_s))
         t_s = begin_s + (frame.t1_ns - first_ns) / NS_PER_S
         self.newest_s = max(self.newest_s, t_s)
@@ -48,12 +48,12 @@ class Arrival(NamedTuple):
     """A frame that came."""
 
     data: bytes
-    """The frame as it was sent, to the byte."""
+    """The frame's bytes exactly as they were sent."""
     frame: Frame
     start: Start
-    """The session that it belongs to."""
+    """The session that the frame belongs to."""
     log_time_ns: int
-    """When it came: the station's UTC."""
+    """Time of arrival, the station's UTC, ns."""
     t_s: float = 0.0
     """Seconds of the run at the frame's end."""
 
@@ -68,7 +68,7 @@ class Step(NamedTuple):
     t_s: float
     output: Output
     records: tuple[dict[str, Any], ...]
-    """`Estimate.as_record()` of each filter."""
+    """Records of the estimates, `Estimate.as_record()` of each filter."""
 
     @classmethod
     def of(cls, arrival: Arrival, output: Output) -> Self:
@@ -77,7 +77,7 @@ class Step(NamedTuple):
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What the board and the pipeline say with this frame."""
+        """Events of the board and the pipeline that come with this frame."""
         return *self.frame.events, *self.output.events
 
 
@@ -86,18 +86,18 @@ class SourceState:
     """How the source itself is doing, once a second."""
 
     received: int
-    """Frames so far."""
+    """Number of frames received so far."""
     missing: int
-    """Frames that are still to come."""
+    """Number of frames that are still to come."""
     gone: int = 0
-    """Frames that the boat does not hold any more."""
+    """Number of frames that the boat does not hold any more."""
     lost_s: float | None = None
-    """How long the link has been lost; `None` = it is not."""
+    """How long the link has been lost, s; `None` = it is not lost."""
     refusal: str | None = None
-    """Why nobody lets the station in, while the link is lost."""
+    """Why the station's handshake is refused, while the link is lost."""
     round_trip_ms: float | None = None
     has_log: bool = True
-    """False once the log ended before the run."""
+    """False once the log has ended before the run."""
 
 
 class Watcher:
@@ -123,37 +123,37 @@ class Watcher:
 
 
 class Watchers(Watcher):
-    """Several watchers as one, in their order."""
+    """Composite watcher: several watchers as one, in their order."""
 
     def __init__(self, *watchers: Watcher) -> None:
         self._watchers = watchers
 
     def begin(self, start: Start, t_ns: int) -> None:
-        """To each."""
+        """Call `begin` of each watcher."""
         for watcher in self._watchers:
             watcher.begin(start, t_ns)
 
     def take(self, step: Step) -> None:
-        """To each."""
+        """Call `take` of each watcher."""
         for watcher in self._watchers:
             watcher.take(step)
 
     def happened(self, event: Event, t_ns: int) -> None:
-        """To each."""
+        """Call `happened` of each watcher."""
         for watcher in self._watchers:
             watcher.happened(event, t_ns)
 
     def note(self, topic: str, record: dict[str, Any], t_ns: int) -> None:
-        """To each."""
+        """Call `note` of each watcher."""
         for watcher in self._watchers:
             watcher.note(topic, record, t_ns)
 
     def each_second(self, now: SourceState) -> None:
-        """To each."""
+        """Call `each_second` of each watcher."""
         for watcher in self._watchers:
             watcher.each_second(now)
 
     def end(self, tally: dict[str, Any], t_ns: int) -> None:
-        """To each."""
+        """Call `end` of each watcher."""
         for watcher in self._watchers:
             watcher.end(tally, t_ns)

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from common.messages import SENSOR_STATES
 from common.units import NS_PER_S
-from onboard.reading.delivery import SHOWN, TABLE, Delivery, Input, State
 from onboard.reading.reopen_pauses import ReopenPauses
+from onboard.reading.silence_watchdog import SHOWN, TABLE, Delivery, Input, State
 
 STALE_NS = 3 * NS_PER_S
 

@@ -5,7 +5,7 @@ from typing import Final
 from common.units import NS_PER_S
 
 HOLD_NS: Final = 2 * NS_PER_S
-"""A source silent for longer than this is no longer the one that is used."""
+"""Hold time, ns: a source that is silent for longer is no longer the one that is used."""
 
 
 class OneSource:

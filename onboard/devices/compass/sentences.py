@@ -15,7 +15,8 @@ from onboard.devices.nmea_parser import Form, Text
 PITCH_LIMIT_DEG: Final = 90.0
 ROLL_LIMIT_DEG: Final = 180.0
 TURN_LIMIT_DEG_MIN: Final = 7_200.0
-"""A full turn in three seconds. Some senders write 9999.9 for a rate they do not know."""
+"""Largest rate of turn, deg/min: a full turn in three seconds. Some senders write 9999.9 for a rate they do not
+know."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,9 +26,9 @@ class HeadingReading:
     heading_mag_deg: float | None = None
     heading_true_deg: float | None = None
     deviation_deg: float | None = None
-    """East +."""
+    """Deviation that is programmed in the device, deg, east +."""
     variation_deg: float | None = None
-    """East +."""
+    """Variation that is programmed in the device, deg, east +."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +36,7 @@ class TurnReading:
     """ROT with status A; `None` = the field was empty."""
 
     rate_deg_s: float | None
-    """+ bow to starboard."""
+    """Rate of turn, deg/s, + bow to starboard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +44,9 @@ class AttitudeReading:
     """XDR, as far as it is about attitude; both `None` = the fields were empty (saturated sensor)."""
 
     pitch_deg: float | None
-    """+ bow up."""
+    """Pitch, deg, + bow up."""
     roll_deg: float | None
-    """+ starboard down."""
+    """Roll, deg, + starboard down."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,8 +139,8 @@ _ALARMS: Final = "LP"
 def _hpr(text: Text) -> HprReading:
     """Heading, pitch, roll, each with its letter: L P alarm, M O warning (low, high), N normal, C tuning.
 
-    With any alarm the device leaves the heading empty. Mils cannot be told from degrees by their size below 360, but
-    the device writes degrees with one decimal and mils without: a number without a point is refused.
+    With any alarm the device leaves the heading empty. By their size, mils below 360 look like degrees, but the device
+    writes degrees with one decimal and mils without: a number without a point is refused.
     """
     letters = {name: fields.letter(text(f"{name}_status"), "LMNOPC", "status") for name in ("heading", "pitch", "roll")}
     if None in letters.values():

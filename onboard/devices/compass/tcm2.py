@@ -27,7 +27,7 @@ from onboard.devices.nmea_fields import FieldFault
 from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
 
 FIELD_LIMIT_UT: Final = 1000.0
-"""For each axis; the device saturates at a tenth of it."""
+"""Largest magnetic field on each axis, microtesla; the device saturates at a tenth of it."""
 TEMPERATURES_C: Final = (-40.0, 70.0)
 """The device's own range; a value outside is in Fahrenheit, or wrong, and is left out."""
 _OUT_OF_RANGE: Final = 0x002 | 0x004
@@ -60,7 +60,7 @@ class Tcm2Driver:
         self._nmea = CompassDriver(table, sentences.TCM2)
 
     def claims(self, line: Line) -> bool:
-        """Its own words, and HDM of the talkers configured."""
+        """Claims the device's own words, and HDM of the talkers configured."""
         own = _SHAPE.match(sentence_of(line.data)) is not None and address(line.data) is None
         return own or self._nmea.claims(line)
 

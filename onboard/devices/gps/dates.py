@@ -22,14 +22,15 @@ from common.units import NS_PER_S
 from onboard.devices.nmea_fields import FieldFault
 
 EARLIEST_UTC_NS: Final = 1_704_067_200 * NS_PER_S
-"""2024-01-01, before this program was first released: no boat that runs it can be earlier."""
+"""2024-01-01, ns since 1970, before this program was first released: no boat that runs it can be earlier."""
 LATEST_UTC_NS: Final = 3_471_292_800 * NS_PER_S
-"""2080-01-01: `80` is GPS's year 1980, which a receiver gives that knows no date."""
+"""2080-01-01, ns since 1970: `80` is GPS's year 1980, which a receiver without a date gives."""
 ROLLOVER_NS: Final = 1024 * 7 * 86_400 * NS_PER_S
 MET_NS: Final = 2 * NS_PER_S
 """A repaired date that comes so near to the known UTC is proved."""
 TOLD_AFTER: Final = 10
-"""Pairs in a row after which a receiver that is not believed is told, once; one just woken may give a few odd dates."""
+"""Number of pairs in a row after which a doubted receiver is reported, once; one just woken may give a few odd
+dates."""
 
 _DATE = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})")
 _DIGITS = re.compile(r"[0-9]+")
@@ -75,11 +76,11 @@ class Dates:
     """Judges every pair before it goes into a frame or into the mapping."""
 
     def __init__(self, tell: Callable[[Event], None], rolled_over: Collection[str] = ()) -> None:
-        """tell: where it goes that a date is odd, once for each sensor; rolled_over: sensors to be repaired."""
+        """tell: takes the event of an odd date, once for each sensor; rolled_over: sensors to be repaired."""
         self._tell = tell
         self._rolled_over = frozenset(rolled_over)
         self._odd: Counter[tuple[str, str]] = Counter()
-        """By sensor and event code: pairs in a row."""
+        """Number of odd pairs in a row, by sensor and event code."""
         self._told: set[tuple[str, str]] = set()
 
     def judge(self, pair: ClockPair, known: Utc) -> ClockPair | None:

@@ -25,10 +25,11 @@ BURST_FORMATTERS: Final = frozenset({"GSV", "GST", "GBS", "GRS", "DTM", "TXT", "
 between the GGA and the RMC of one epoch."""
 
 BUSY_NS: Final = 400 * NS_PER_MS
-"""An epoch is complete after so long even where other devices leave the port no quiet."""
+"""Time after which an epoch is complete, ns, even where other devices leave the port no quiet."""
 _CLOCK_MODES: Final = frozenset({"A", "D", "F", "P", "R"})
 RMC_RULES_NS: Final = 10 * NS_PER_S
-"""So long after a ClockPair of RMC the time of ZDA is not taken: some receivers date ZDA ahead (an AC12 by 2 s)."""
+"""Time after a ClockPair of RMC in which the time of ZDA is not taken, ns: some receivers date ZDA ahead (an AC12 by 2
+s)."""
 
 
 class GpsDriver:
@@ -42,7 +43,7 @@ class GpsDriver:
         self._closed: Epoch | None = None
         self._waiting: list[UntimedLine] = []
         self._last_ns = 0
-        """End of the receiver's last line."""
+        """Boat time of the end of the receiver's last line, ns."""
         self._rmc_paired_ns: int | None = None
         self._watch = RepeatWatch()
 

@@ -10,13 +10,13 @@ from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Timed, Untimed, Vt
 from onboard.devices.nmea_fields import DAY_MS, Position
 
 QUIET_NS: Final = 150 * NS_PER_MS
-"""An epoch that nothing has followed for so long is complete."""
+"""Quiet time on the port after which an epoch is complete, ns."""
 SAME_TIME_NS: Final = 500 * NS_PER_MS
-"""A sentence that comes again under the same UTC after so long: the receiver's time stands still."""
+"""Age after which the same UTC time in a sentence means that the receiver's time stands still, ns."""
 COURSE_ABOVE_KN: Final = 1.0
-"""Below it receivers freeze or invent the course."""
+"""Least speed of a course, kn: below it receivers freeze or invent the course."""
 HELD_STEPS: Final = 2.0
-"""Steps of the last latitude digit, see `RepeatWatch`."""
+"""Number of steps of the last latitude digit, see `RepeatWatch`."""
 HELD_WITHOUT_SPEED_MS: Final = 10_000
 FINE_STEP_M: Final = 0.5
 
@@ -35,12 +35,12 @@ class Epoch:
     """
 
     t_ns: int
-    """Arrival of the first byte."""
+    """Boat time of arrival of the first byte, ns."""
     last_ns: int
-    """Arrival of the last byte so far."""
+    """Boat time of arrival of the last byte so far, ns."""
     tod_ms: int | None
     seen: set[str] = field(default_factory=set)
-    """Talker and formatter of each sentence."""
+    """Address (talker and formatter) of each sentence so far."""
     gga: Gga | None = None
     gns: Gga | None = None
     rmc: Rmc | None = None
@@ -49,7 +49,7 @@ class Epoch:
     gsa: Gsa | None = None
     zda: Zda | None = None
     paired: bool = False
-    """Its ClockPair is out."""
+    """True once the ClockPair of the epoch is out."""
 
     def holds(self, tod_ms: int | None, address: str, t_ns: int) -> bool:
         """Does a sentence of that time belong here? One without time (cold start) joins what is still going on."""
@@ -144,12 +144,12 @@ class UntimedLine:
     """A sentence without time that waits for its epoch."""
 
     name: str
-    """Talker and formatter."""
+    """Address of the sentence: talker and formatter."""
     reading: Untimed
     t_ns: int
     end_ns: int
     before_ns: int
-    """End of the receiver's line before it."""
+    """Boat time of the end of the receiver's line before it, ns."""
 
 
 def epoch_of_each(waiting: list[UntimedLine], last_ns: int, next_ns: int, *, open_before: bool) -> int:
@@ -204,7 +204,7 @@ class RepeatWatch:
     (2) while the receiver's own SOG, at least 1 kn, has carried the boat more than two steps of the last digit since
     the text first came (one and a half are enough to change latitude or longitude on any course; the rest allows for
     an error of SOG);
-    (3) where no SOG is sent and a step is below 0.5 m, for 10 s on end: the noise of a receiver that computes anew
+    (3) where no SOG is sent and a step is below 0.5 m, for 10 s on end: the noise of a receiver that computes afresh
     would have moved it.
     A repeat with SOG below 1 kn is not held.
     """

@@ -31,7 +31,7 @@ class Gga:
     satellites: int | None
     hdop: float | None
     alt_m: float | None
-    """Above mean sea level."""
+    """Height above mean sea level, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,13 +40,13 @@ class Rmc:
 
     tod_ms: int | None
     status_valid: bool | None
-    """True A, False V."""
+    """Status of the sentence: True = A (valid), False = V."""
     position: Position | None
     sog_kn: float | None
     cog_true_deg: float | None
     date: date | None
     mode: str | None
-    """A letter of `MODES`; `None` before NMEA 2.3."""
+    """Mode of the fix, a letter of `MODES`; `None` before NMEA 2.3."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ class Gsa:
     """Mode and dilutions; carries no time."""
 
     fix_mode: int | None
-    """1 none, 2 = 2D, 3 = 3D."""
+    """Mode of the fix: 1 none, 2 = 2D, 3 = 3D."""
     pdop: float | None
     hdop: float | None
     vdop: float | None
@@ -71,7 +71,7 @@ class Gsa:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gll:
-    """Position."""
+    """Position and its status."""
 
     tod_ms: int | None
     status_valid: bool | None

@@ -38,11 +38,12 @@ from onboard.devices.nmea_sentence import LONGEST_SENTENCE
 GYRO_COUNTS_PER_DEG_S: Final = 16.4
 ACCEL_COUNTS_PER_G: Final = 4096.0
 SIGN_SAMPLES: Final = 20
-"""So many samples in a row of the other sign turn the reading of the accelerometer: a fall off a wave does not."""
+"""Number of samples in a row of the other sign that turn the reading of the accelerometer: a fall off a wave does
+not."""
 UPRIGHT_COUNTS: Final = 0.5 * ACCEL_COUNTS_PER_G
 """A smaller AN5 says nothing of its sign."""
 HEALTHY: Final = 253.0
-"""IMUH of a unit that has nothing to complain of."""
+"""Value of IMUH when the unit reports no fault."""
 
 _ANGLE = r"-?[0-9]{1,3}\.[0-9]{2}"
 _ATTITUDE_GROUP = re.compile(rf"RLL:{_ANGLE},PCH:{_ANGLE},YAW:{_ANGLE}(?:,IMUH:[0-9]{{1,3}})?,?")

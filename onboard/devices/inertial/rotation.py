@@ -17,12 +17,13 @@ from typing import Final
 
 UNITS_PER_ONE: Final = 1e7
 LARGEST_ELEMENT: Final = 10_010_000.0
-"""Units; a cosine is at most 1, the firmware's renormalisation leaves 1e-3 at worst."""
+"""Largest element of a matrix as sent (1e-7): a cosine is at most 1, the firmware's renormalisation leaves 1e-3 at
+worst."""
 _TOLERANCE: Final = 0.01
-"""Of a row's length and of the cosine between two rows: ten times what renormalisation leaves, and less than what a
-lost digit or sign does to an element that matters."""
+"""Largest error of a row's length and of the cosine between two rows: ten times what renormalisation leaves, and less
+than what a lost digit or sign does to an element that matters."""
 _UPRIGHT: Final = 1e-3
-"""cos(pitch) below which roll and yaw cannot be told apart."""
+"""Limit of cos(pitch) below which roll and yaw cannot be distinguished."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,7 +73,7 @@ class TinkerKitDriver:
         self._latency_ns = round(table.latency_ms * NS_PER_MS)
 
     def claims(self, line: Line) -> bool:
-        """Sentences `$PWFXG`."""
+        """Claims the sentences `$PWFXG`."""
         return _ADDRESS.match(line.data) is not None
 
     def feed(self, line: Line) -> Outcome:

@@ -22,7 +22,8 @@ _UNIT_M: Final = {"K": METRES_PER_KILOMETRE, "N": METRES_PER_NAUTICAL_MILE, "S":
 _FARTHEST_M: Final = 1e6
 _FASTEST_KN: Final = 1000.0
 _LONGEST_TCPA_MIN: Final = 100_000.0
-"""Ten weeks. A Simrad 4G writes 24751376.1, and now and then another such number, where it has no value."""
+"""Largest TCPA, ten weeks in minutes. A Simrad 4G writes 24751376.1, and now and then another such number, where it has
+no value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class TargetReading:
 
     number: int
     status: str | None
-    """`lost`, `acquiring` or `tracking`."""
+    """Status of the target: `lost`, `acquiring` or `tracking`."""
     name: str | None
     tod_ms: int | None
     range_m: float | None = None
@@ -48,7 +49,7 @@ class TargetReading:
     course: Bearing = Bearing()
     cpa_m: float | None = None
     tcpa_s: float | None = None
-    """Negative = already passed."""
+    """Time to the closest point of approach, s; negative = already passed."""
     position: Position | None = None
 
     @property

@@ -1,1 +1,1 @@
-"""MCAP files that may be cut or damaged anywhere: what is sound is read, what is lost is named."""
+"""MCAP files that may be cut or damaged anywhere (error recovery): sound records are read, and losses are reported."""

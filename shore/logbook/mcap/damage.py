@@ -1,4 +1,4 @@
-"""What is wrong with a log file: records that are lost, and damage that costs none."""
+"""Damage report of a log file: which records are lost, and which damage costs none."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
@@ -15,23 +15,24 @@ class Loss:
     first_byte: int
     end_byte: int
     start_ns: int | None
-    """Log time (arrival, UTC). `None` = the beginning of the log."""
+    """Log time at which the stretch begins (arrival, UTC, ns); `None` = at the beginning of the log."""
     end_ns: int | None
-    """`None` = not known: the log ends here."""
+    """Log time at which the stretch ends, ns; `None` = not known, because the log ends here."""
     is_exact: bool
-    """Times of the first and last lost record; else of the last record before them and of the first behind them."""
+    """True = these are the times of the first and last lost record; False = of the records kept before and behind
+    them."""
     records: int | None
-    """How many; `None` = not known."""
+    """Number of lost records; `None` = not known."""
     reason: str
 
     @property
     def seconds(self) -> float | None:
-        """Length of the span."""
+        """Length of the span, s."""
         known = self.start_ns is not None and self.end_ns is not None
         return (self.end_ns - self.start_ns) / NS_PER_S if known else None  # type: ignore[operator]
 
     def as_record(self) -> dict[str, Any]:
-        """For JSON."""
+        """The loss for JSON."""
         return {**asdict(self), "seconds": self.seconds, "start_utc": iso(self.start_ns), "end_utc": iso(self.end_ns)}
 
     def __str__(self) -> str:
@@ -63,7 +64,7 @@ class Flaw:
     what: str
 
     def as_record(self) -> dict[str, Any]:
-        """For JSON."""
+        """The flaw for JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -87,11 +88,11 @@ class Part:
     end_byte: int
     reason: str
     span_ns: tuple[int, int] | None = None
-    """From the chunk's own head, or from the index of the file."""
+    """First and last log time, ns, from the chunk's own head or from the index of the file."""
     times_ns: list[int] = field(default_factory=list)
-    """From the message indexes behind a chunk whose length is intact."""
+    """Log times, ns, from the message indexes behind a chunk whose length is intact."""
     is_counted: bool = True
-    """All of these indexes are sound."""
+    """True when all of these indexes are sound."""
 
     def span(self, before_ns: int | None, after_ns: int | None) -> tuple[int, int] | None:
         """First and last log time, where what is known of them agrees."""
@@ -159,7 +160,7 @@ def clock(utc_ns: int | None) -> str:
 
 
 def iso(utc_ns: int | None) -> str | None:
-    """A UTC time with milliseconds; a number where no calendar reaches."""
+    """A UTC time with milliseconds; a plain number where no calendar date exists for it."""
     if utc_ns is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""What a walk over an MCAP file has found so far: losses, damage that costs nothing, counts."""
+"""Findings of a walk over an MCAP file so far: losses, damage that costs nothing, and counts."""
 
 from dataclasses import replace
 
@@ -11,22 +11,22 @@ class Findings:
     """Filled in by the walk; complete after its last item."""
 
     def __init__(self, size: int) -> None:
-        """size: bytes of the file."""
+        """size: length of the file, bytes."""
         self.size = size
         self.at = 0
-        """Bytes walked over, for a progress bar."""
+        """Number of bytes walked over, for a progress bar."""
         self.losses: list[Loss] = []
         self.cut: Loss | None = None
-        """What a log that was not closed lost at its end."""
+        """What a log that was not closed lost at its end; `None` = nothing is known to be lost there."""
         self.flaws: list[Flaw] = []
         self.chunks = self.checked = 0
-        """Sound chunks; those with a checksum."""
+        """Number of sound chunks, and of those that have a checksum."""
         self.messages = 0
-        """Sound records of channels."""
+        """Number of sound records of channels."""
         self.schemas: dict[int, Schema] = {}
-        """Of the log that is being walked over."""
+        """Schemas of the log that is being walked over, by their id."""
         self.profile = ""
-        """What the head of the file says of its use."""
+        """Text in the head of the file that says how it is to be used."""
 
     def flaw(self, first_byte: int, end_byte: int, what: str) -> None:
         """Note damage that costs no record; neighbours of one kind are one."""

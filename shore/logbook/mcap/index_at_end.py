@@ -1,4 +1,4 @@
-"""The end of a closed MCAP file: channels, places of all chunks and counts, believed only when its checksum holds."""
+"""Index at the end of a closed MCAP file: channels, chunk offsets and counts, used only when its CRC holds."""
 
 import zlib
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from shore.logbook.mcap.records import BLOCK, HEAD, LIMIT, LOG_START, MAGIC, Chu
 FOOTER_SIZE: Final = HEAD.size + 20
 DATA_END_SIZE: Final = HEAD.size + 4
 DATA_END: Final = HEAD.pack(Opcode.DATA_END, 4)
-"""Head of the record behind the last one."""
+"""Head of the record that follows the last record of the data."""
 
 
 @dataclass
@@ -24,18 +24,18 @@ class Tail:
     """What stands behind the records of a log."""
 
     data_end: int
-    """Where the record that ends the data begins."""
+    """Offset where the record that ends the data begins, bytes."""
     end: int
-    """Behind the last byte of the log."""
+    """Offset behind the last byte of the log, bytes."""
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
     statistics: Statistics | None = None
     raw_chunks: list[bytes] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     base: int = 0
-    """Where the log begins; 0 unless other bytes were put before it."""
+    """Offset where the log begins, bytes; 0 unless other bytes were put before it."""
     moved: int = 0
-    """Bytes by which it stands behind where the footer says; negative when bytes before it are gone."""
+    """Bytes by which the tail lies behind the place that the footer gives; negative when bytes before it are gone."""
 
     @cached_property
     def chunks(self) -> dict[int, ChunkIndex] | None:

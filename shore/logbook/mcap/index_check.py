@@ -1,4 +1,4 @@
-"""Whether the head of a chunk and the message indexes behind it say what the chunk holds, which only `verify` asks."""
+"""Index consistency: do the head of a chunk and its message indexes agree with its content? Only `verify` asks."""
 
 from shore.logbook.mcap.findings import Findings
 from shore.logbook.mcap.record_at import Record
@@ -11,10 +11,10 @@ class IndexCheck:
     def __init__(self, findings: Findings) -> None:
         self._findings = findings
         self._entries: dict[int, list[tuple[int, int]]] = {}
-        """What the indexes behind the last chunk should say, by channel."""
+        """Entries that the indexes behind the last chunk should have, by channel."""
 
     def chunk(self, record: Record, head: ChunkHead, data: bytes, messages: list[Message]) -> None:
-        """A sound chunk, unpacked."""
+        """Take a sound chunk, unpacked."""
         self._entries = index_of(data)
         times = [log_ns for _, _, log_ns, *_ in messages]
         are_right = not times or (head.start_ns, head.end_ns) == (min(times), max(times))
@@ -22,7 +22,7 @@ class IndexCheck:
             self._findings.flaw(record.at, record.at + HEAD.size + head.data_at, "damage in the head of a chunk")
 
     def index(self, record: Record) -> None:
-        """A message index behind it."""
+        """Compare a message index that follows the chunk."""
         channel_id, entries = index_entries(record.content)
         if self._entries.get(channel_id) != entries:
             self._findings.flaw(record.at, record.end, "damage in a message index")

@@ -1,4 +1,4 @@
-"""What record begins at a place of a log, if a whole one of a known form does."""
+"""Record validation: which record begins at an offset of a log, if a whole one of a known form does."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -33,7 +33,7 @@ class Record:
     """A whole record of a known form."""
 
     opcode: int
-    """What it is, which a damaged type byte does not hide."""
+    """Kind of the record, which is known even where its type byte is damaged."""
     at: int
     end: int
     content: bytes
@@ -46,7 +46,7 @@ class Records:
 
     def __init__(self, source: Source, limit: int, tail: Tail | None) -> None:
         self.has_chunks = False
-        """A chunk was read: messages outside of chunks are not to be expected any more."""
+        """True once a chunk was read; after that, messages outside of chunks are not expected any more."""
         self._source = source
         self._limit = limit
         self._tail = tail

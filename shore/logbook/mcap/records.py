@@ -1,4 +1,4 @@
-"""Single records of an MCAP file: bytes in, records out, and nothing is believed that does not fit exactly.
+"""Record parser of MCAP: bytes in, records out; it accepts only what fits exactly.
 
 https://mcap.dev/spec: a record is its type (1 byte), its length (8 bytes) and its content.
 """
@@ -19,23 +19,23 @@ from mcap.writer import MCAP0_MAGIC
 
 MAGIC: Final = MCAP0_MAGIC
 LOG_START: Final = MAGIC + b"\x01"
-"""What a log begins with, and nothing ends with."""
+"""Bytes with which every log begins, and with which none ends."""
 HEAD: Final = Struct("<BQ")
 """Type and length of a record."""
 LIMIT: Final = 256 * 2**20
-"""Bytes of one record; the writers' chunks are about 1 MiB, so a longer one is a damaged length."""
+"""Most bytes of one record; chunks are about 1 MiB, so a longer one means a damaged length."""
 BLOCK: Final = 4 * 2**20
-"""Bytes that are searched at once."""
+"""Number of bytes that are searched at once."""
 PRIVATE: Final = 0x80
-"""Types from here on are the writers' own."""
+"""First of the record types that belong to the writers themselves."""
 
 Message = tuple[Channel | None, int, int, int, bytes]
-"""Channel, sequence, log time, publish time (ns), content; no channel = nobody said what it is."""
+"""Channel, sequence, log time (ns), publish time (ns), content; the channel is `None` where it is not known."""
 
 _CHUNK: Final = Struct("<QQQII")
 _MESSAGE: Final = Struct("<HIQQ")
 MESSAGE_SIZE: Final = _MESSAGE.size
-"""Bytes of a message without content."""
+"""Length of a message without its content, bytes."""
 _INSIDE: Final = Struct("<BQHIQQ")
 _ENTRY: Final = Struct("<QQ")
 _SIZE: Final = Struct("<Q")
@@ -62,12 +62,12 @@ class ChunkHead:
     start_ns: int
     end_ns: int
     size: int
-    """Bytes when unpacked."""
+    """Length of the chunk when unpacked, bytes."""
     crc: int
-    """0 = the writer made none."""
+    """Checksum (CRC-32) of the unpacked chunk; 0 = the writer made none."""
     compression: bytes
     data_at: int
-    """Within the content of the record."""
+    """Offset of the packed records within the content of the record, bytes."""
 
 
 def chunk_head(content: bytes, length: int) -> ChunkHead | None:

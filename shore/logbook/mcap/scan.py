@@ -1,4 +1,4 @@
-"""Walk over an MCAP file that may be cut or damaged anywhere: all sound records in file order, and what is missing.
+"""Scan of an MCAP file that may be cut or damaged anywhere: all sound records in file order, and what is missing.
 
     scan = Scan(stream)
     for item in scan.items(): ...            # messages, metadata, attachments

@@ -12,7 +12,7 @@ _OVERLAP: Final = 64
 _SYNC: Final = re.compile(
     rb"\x06[\s\S]{4}\0{4}[\s\S]{28}(?:\x04\0\0\0zstd|\x03\0\0\0lz4|\0\0\0\0)|" + re.escape(LOG_START)
 )
-"""The head of a chunk or of a log."""
+"""Sync pattern: the head of a chunk or of a log."""
 
 
 class Source:

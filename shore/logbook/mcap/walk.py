@@ -1,4 +1,4 @@
-"""The walk over one log of an MCAP file, record by record (scan.py says what is believed)."""
+"""Sequential walk over one log of an MCAP file, record by record (scan.py says which records are believed)."""
 
 import zlib
 from collections.abc import Iterator
@@ -39,10 +39,10 @@ class Log:
 
     def __init__(self, source: Source, findings: Findings, base: int, *, check_index: bool) -> None:
         self.next_base: int | None = None
-        """Where another log begins behind this one, which is not read."""
+        """Offset where another log begins behind this one, which is not read; `None` = there is none."""
         self.kept = 0
         self._at = base
-        """Where the walk goes on."""
+        """Offset where the walk goes on."""
         self._source = source
         self._findings = findings
         self._base = base
@@ -50,7 +50,7 @@ class Log:
         self._limit = self._tail.data_end if self._tail else source.size
         self._records = Records(source, self._limit, self._tail)
         self._moved: list[Tail | None] = []
-        """The tail that does not stand where it says, once it was looked for."""
+        """The tail that is not at the place it gives, once it was looked for; empty before that."""
         self._channels: dict[int, Channel] = dict(self._tail.channels) if self._tail else {}
         findings.schemas = dict(self._tail.schemas) if self._tail else {}
         self._parts: list[Part] = []
@@ -60,9 +60,10 @@ class Log:
         self._last_ns: int | None = None
         self._has_looked_ahead = False
         self._kinds: set[tuple[int, int, int, int]] = set()
-        """Of the chunks that were read."""
+        """Start and end time (ns), checksum and length of each chunk that was read, by which a repeated chunk is
+        found."""
         self._chunk: tuple[int, list[Message]] = base, []
-        """End and messages of the last sound chunk."""
+        """End offset and messages of the last sound chunk."""
         self._index_check = IndexCheck(findings) if check_index else None
 
     def items(self) -> Iterator[Item]:
@@ -187,7 +188,7 @@ class Log:
         return self._moved[0]
 
     def _lose_unknown(self, loss: Loss) -> None:
-        """Neighbours are one loss."""
+        """Record a loss of records whose channel is unknown; neighbouring losses become one."""
         losses = self._findings.losses
         last = losses[-1] if losses[self._losses_before :] else None
         is_next = last is not None and last.reason == loss.reason and self.kept == self._kept_before_loss
@@ -223,7 +224,7 @@ class Log:
             self._parts = []
 
     def _pass_over(self, at: int) -> int:
-        """Where the walk goes on behind something that is no record."""
+        """Where the walk goes on behind bytes that are no record."""
         if self._tail is None:
             near = max(at - len(LOG_START) + 1, self._base + 1)
             new_log = self._source.read(near, 2 * len(LOG_START)).find(LOG_START)

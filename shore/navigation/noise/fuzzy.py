@@ -47,9 +47,9 @@ class FuzzyNoise(BeforeUpdate):
     """
 
     long: float = 60.0
-    """Memory of the long window, samples."""
+    """Memory of the long window, in samples."""
     short: float = 8.0
-    """Memory of the short window, samples."""
+    """Memory of the short window, in samples."""
     pseudo_samples: float = 3.0
     """Samples that R0 counts for."""
     floor: float = 0.25

@@ -28,7 +28,7 @@ class ChannelNoise(NamedTuple):
     """State of one channel."""
 
     variance: Number
-    """R in use, m^2 or rad^2."""
+    """Measurement noise R in use, a variance, m^2 or rad^2."""
     window: tuple[Number, ...] = ()
     """What the rule remembers of the innovations: their squares, oldest first, or sums over them."""
     pending: tuple[Number, ...] = ()

@@ -13,9 +13,10 @@ from typing import Final
 from shore.navigation.numbers import Number, clip, larger, log, smaller, sqrt
 
 FULL_WIDTHS: Final = 2.5
-"""The set "equal" is full up to here, in widths of log DoM; one healthy window in a hundred is beyond, ..."""
+"""Distance up to which the set "equal" is full, in widths of log DoM; one healthy window in a hundred is beyond."""
 EMPTY_WIDTHS: Final = 3.5
-"""... and empty from here on; in between memberships blend, so that nothing turns on a hair. Both may be 30 % off."""
+"""Distance from which on the set "equal" is empty, in the same widths. In between memberships blend, so that
+nothing turns on a hair. Both distances may be 30 % off."""
 LARGEST_EQUAL: Final = math.exp(FULL_WIDTHS * math.sqrt(2.0))
 """Innovation squared / expected up to which a single sample is "equal": 34, so 5.9 sigma."""
 

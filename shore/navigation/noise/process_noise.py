@@ -20,10 +20,10 @@ LEAST_GAIN: Final = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class FuzzyDrive:
-    """The density of an input = what was told times `ChannelNoise.drive`, 1 <= drive <= most.
+    """The density of an input = the configured one times `ChannelNoise.drive`, 1 <= drive <= most.
 
     Two rules. If the lagged covariance of the innovations is *large*, drive rises; if it is not, drive returns to 1,
-    what was told. Both act by their memberships.
+    the configured density. Both act by their memberships.
 
     All times are in the filter's own memory, 1 / K samples with K = p / (p + R), so that the rule is the same at any
     rate. With n = innovation / sqrt(p + R), m = the mean of n over the memory, c = the mean of n(k) m(k-1) over it:
@@ -33,15 +33,15 @@ class FuzzyDrive:
     r_rule: NoiseRule
     """The rule for R."""
     large_from: float
-    """Where *large* begins, in standard deviations of c, ..."""
+    """Number of standard deviations of c from which on the set *large* begins."""
     large_at: float
-    """... and where it is full, in the same."""
+    """Number of standard deviations of c from which on the set *large* is full."""
     rise: float
     """Growth of log drive within one memory while *large* is full."""
     fall: float
     """Part of log drive that is lost within one memory while it is empty."""
     most: float
-    """Largest drive, a factor."""
+    """Largest drive, a factor on the density."""
     largest_step: float
     """Largest change of log drive in one update: without an IMU, K is near 1."""
 
@@ -87,14 +87,14 @@ class FuzzyDrive:
     def review(
         self, channel: Channel, noise: ChannelNoise, residual: Number, posterior_variance: Number
     ) -> ChannelNoise:
-        """As the rule for R wants it."""
+        """Review as the rule for R does."""
         return self.r_rule.review(channel, noise, residual, posterior_variance)
 
 
 FUZZY_QR: Final = FuzzyDrive(
     r_rule=FUZZY, large_from=2.0, large_at=5.0, rise=5.0, fall=0.1, most=20.0, largest_step=0.3
 )
-"""Of an IMU five times as noisy, a compass of 1 deg and 1 Hz has seen half after a minute, a GPS of 8 m after two.
+"""The rule for R and Q: a compass of 1 deg and 1 Hz sees half of a fivefold IMU noise in a minute, a GPS of 8 m in two.
 
 Each number may be 30 % off without harm; a smaller `large_from` is quicker and costs more while the IMU is healthy.
 """

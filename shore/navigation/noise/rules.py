@@ -19,4 +19,4 @@ NOISE_RULES: Final[Mapping[str, NoiseRule]] = {
     "rae": RESIDUAL_MATCHING,
     "imm": SCALE_BANK,
 }
-"""Name -> rule."""
+"""All rules for the measurement noise, by name."""

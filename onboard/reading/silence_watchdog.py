@@ -28,11 +28,11 @@ from typing import Final
 from onboard.reading.rhythm import Rhythm
 
 PERIODS: Final = 5
-"""Of those that were learned: a longer silence is an outage."""
+"""Number of learned periods after which a silence is an outage."""
 
 
 class State(Enum):
-    """Where the automaton is."""
+    """The states of the automaton."""
 
     MISSING = auto()
     """The port is closed."""
@@ -40,7 +40,7 @@ class State(Enum):
     """The port is open, and nothing has been said of the sensor since."""
     DELIVERING = auto()
     LATE = auto()
-    """It delivered, no good line comes any more, and that is not yet worth an event."""
+    """The sensor delivered, no good line comes any more, and that is not yet worth an event."""
     OUTAGE = auto()
     """It has been said that the sensor is silent."""
 
@@ -70,7 +70,7 @@ TABLE: Final[dict[tuple[State, Input], tuple[State, str | None]]] = {
     (State.OUTAGE, Input.LOST): (State.MISSING, None),
     (State.OUTAGE, Input.FRESH): (State.DELIVERING, "sensor-delivering"),
 }
-"""(state, input) -> the next state, and the code of the event that goes with the step."""
+"""Transition table: (state, input) -> the next state, and the code of the event that goes with the step."""
 
 SHOWN: Final = {
     State.MISSING: "missing",
@@ -79,14 +79,14 @@ SHOWN: Final = {
     State.LATE: "silent",
     State.OUTAGE: "silent",
 }
-"""The word of `SENSOR_STATES` for each state."""
+"""Word of `SENSOR_STATES` that people see for each state."""
 
 
 class Delivery:
     """The automaton of one sensor. All times are boat times, ns."""
 
     def __init__(self, periodic: bool, stale_ns: int, started_ns: int) -> None:
-        """Periodic: silence is a fault; stale_ns: age at which the newest value of the sensor is stale."""
+        """periodic: silence is a fault; stale_ns: age at which the newest value of the sensor is stale, ns."""
         self.stale_ns = stale_ns
         self.last_good_ns: int | None = None
         self.rhythm = Rhythm(stale_ns)
