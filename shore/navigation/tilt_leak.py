@@ -18,8 +18,8 @@ accelerate. c stays linear: were c L bounded, a filter at the bound would take c
 
 TRIM_UNREST: Final = 0.5
 """Factor, sqrt(s): where the bow rises with speed, the forward axis is noisier by it times (1-sigma of c) L. The bow
-does not follow the speed at once: for half a second after each change of thrust the leak is wrong by about half of what is
-expected of it, and half x sqrt(2 x 0.5 s) = 0.5."""
+does not follow the speed at once: for half a second after each change of thrust the leak is wrong by about half of
+what is expected of it, and half x sqrt(2 x 0.5 s) = 0.5."""
 
 
 def lift(along: Number) -> Number:
