@@ -30,7 +30,7 @@ def test_equal_is_as_wide_as_the_scatter_of_a_window(entries: float) -> None:
 
 @pytest.mark.parametrize("square", [0.0, 1e-9, EXPECTED, square_at(FULL_WIDTHS - 1e-9)])
 def test_a_sample_that_a_healthy_sensor_can_show_passes(square: float) -> None:
-    """Up to 5.8 sigma; one that is too small to be true is no outlier."""
+    """Up to 5.9 sigma; one that is too small to be true is no outlier."""
     assert guarded(LEARNED, square, EXPECTED) == LEARNED
     assert winsorised(square, EXPECTED) == square
 
