@@ -1,6 +1,7 @@
 """A station and a board as a newcomer joins them: pair once, then connect without an address; strangers get nothing."""
 
 import json
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -79,8 +80,7 @@ def test_a_station_with_the_right_commands_the_boat_and_one_without_is_refused(t
     with board(tmp_path) as running:
         paired(tmp_path, running, reader)
         paired(tmp_path, running, commander, "--command", "--name", "bridge")
-        log = ("--frames", "40", "--period", "0.1", "--log", tmp_path / "log", "--keys", reader)
-        ashore = Process("wayfix", "connect", *log)
+        ashore = Process("wayfix", "connect", "--log", tmp_path / "log", "--keys", reader)
         try:
             ashore.wait_for_words(" missing | round trip ", 20.0)
             refused = command("wayfix", "boat", "mark", "buoy 7", "--keys", reader)
@@ -95,6 +95,9 @@ def test_a_station_with_the_right_commands_the_boat_and_one_without_is_refused(t
             assert "there is no sensor 'gps9'" in unknown.stderr.splitlines()[-1]
             status = command("wayfix", "boat", "status", "--keys", commander, "--json")
             assert json.loads(status.stdout.splitlines()[-1])["boat_id"] == "b"
+            # However long the commands took: the run ends when it has seen what they did.
+            ashore.wait_for(lambda me: sum("asked by bridge" in line for line in me.err) >= 2, 20.0)
+            ashore.send(signal.SIGINT)
             assert ashore.finish(20.0) == 0, ashore.err
         finally:
             ashore.end()
