@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -91,17 +92,18 @@ class LogMaker:
 
         facts: what to say of the import at its end, asked when all frames were taken.
         """
-        with WholeLog(out) as log:
-            return self._run(Watchers(log, self._counts), frames, trip, facts)
+        with ExitStack() as stack:  # a file without any frame opens no log
+            return self._run(lambda: Watchers(stack.enter_context(WholeLog(out)), self._counts), frames, trip, facts)
 
     def _run(
         self,
-        watchers: Watcher,
+        open_watchers: Callable[[], Watcher],
         frames: Iterable[bytes],
         trip: dict[str, Any] | None,
         facts: Callable[[], dict[str, Any]],
     ) -> bool:
         start: Start | None = None
+        watchers = Watcher()
         seconds, t_ns = RunSeconds(), 0
         for data in frames:
             try:
@@ -111,6 +113,7 @@ class LogMaker:
                 continue
             t_ns = self._log_time_ns(frame)
             if start is None:
+                watchers = open_watchers()
                 start = self._begin(watchers, frame, trip)
             arrival = Arrival(data, frame, start, t_ns, seconds.at(frame))
             output = Output() if self._pipeline is None else self._pipeline.push(frame)

@@ -8,7 +8,7 @@ from common.errors import WayfixError
 from shore.live.cursor import Cursor
 from shore.logbook.background_writer import LogRecorder
 from shore.watchers.log import LogWatcher
-from shore.watchers.watcher import SourceState, Start
+from shore.watchers.watcher import Start
 
 
 class LiveLog(LogWatcher):
@@ -38,22 +38,21 @@ class LiveLog(LogWatcher):
     def begin(self, start: Start, t_ns: int) -> None:
         """Write the session record and the first checkpoint."""
         super().begin(start, t_ns)
-        self._checkpoint()
-
-    def each_second(self, now: SourceState) -> None:
-        """Sync all that was written to the disk, beside the run."""
-        self._checkpoint()
+        self.checkpoint()
 
     def end(self, tally: dict[str, Any], t_ns: int) -> None:
         """Write the `end` record, wait for the disk, and close."""
         super().end(tally, t_ns)
-        self._checkpoint(wait=True)
+        self.checkpoint(wait=True)
         self._recorder.close()
         if self._cursor is not None:
             self._cursor.close()
 
-    def _checkpoint(self, *, wait: bool = False) -> None:
-        """Sync the log, then write the cursor. A cursor that cannot be written costs frames that are sent twice."""
+    def checkpoint(self, *, wait: bool = False) -> None:
+        """Sync the log beside the run, then write the cursor; `wait` for both.
+
+        A cursor that cannot be written costs frames that are sent twice.
+        """
         if self._cursor is None or self._recorder.path is None:
             self._recorder.sync(lambda: None, wait=wait)
         else:

@@ -117,7 +117,7 @@ class LiveRun:
         self._seeker = seeker
         # What is made while the filters are built comes in its order.
         self._adopt(link.connect(options.connect_s, stopped, stream=options.frames is None, wants=self._wants))
-        boat_id, directory = self._start.config.boat.id, options.log_dir
+        boat_id, directory = self._config.boat.id, options.log_dir
         cursor = Cursor(directory, boat_id, say) if directory is not None and options.frames is None else None
         self._ledger = Ledger() if cursor is None else cursor.ledger
         self._log = LiveLog(directory, boat_id, cursor, say)
@@ -165,16 +165,20 @@ class LiveRun:
     def _adopt(self, connected: dict[str, Any]) -> None:
         """Take the board's facts from its greeting; the filters start again."""
         self._connected = connected
-        config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
-        options = self._options
-        self._pipeline = Pipeline(config, options.filters, options.step_s)
+        self._config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
+        self._pipeline = Pipeline(self._config, self._options.filters, self._options.step_s)
+
+    def _begin_session(self) -> None:
+        """What comes from here on belongs to the configuration that was adopted last."""
+        options, now_ns = self._options, time.time_ns()
         asked = {
             "filters": list(options.filters),
             "step_s": options.step_s,
             "frames": options.frames,
             "period_s": options.period_s,
         }
-        self._start = Start(start_record(connected, asked, time.time_ns()), config)
+        self._start = Start(start_record(self._connected, asked, now_ns), self._config)
+        self._watchers.begin(self._start, now_ns)
 
     def _greet(self) -> None:
         """Learn from the greeting which frames there are."""
@@ -193,7 +197,7 @@ class LiveRun:
         return 0 if self._options.frames is not None else self._ledger.missing_count
 
     def _begin(self) -> None:
-        self._watchers.begin(self._start, self._start.record["utc_ns"])
+        self._begin_session()
         if (trip := self._options.trip) is not None:
             self._watchers.note(SESSION, trip, time.time_ns())
         for sensor in self._connected.get("sensors", []):
@@ -236,15 +240,15 @@ class LiveRun:
             self._link.ask_soon()
         self.tally.received += 1
         self._next = frame.boot_id, frame.seq + 1
-        if self._loss.is_lost:
-            self._happened(self._loss.frame(boottime_ns(), frame.t1_ns), now_ns)
         arrival = Arrival(data, frame, self._start, now_ns, self._seconds.at(frame))
         try:
-            output = self._pipeline.push(frame)
+            step = Step.of(arrival, self._pipeline.push(frame))
         except BaseException:
             self._watchers.take(Step.of(arrival, Output()))  # the log holds the frame that the filters broke on
             raise
-        self._watchers.take(Step.of(arrival, output))
+        if self._loss.is_lost:
+            self._happened(self._loss.frame(boottime_ns(), frame.t1_ns), now_ns)
+        self._watchers.take(step)
 
     def _greeted_again(self, connected: dict[str, Any]) -> None:
         """The daemon was restarted, and has greeted again."""
@@ -252,7 +256,7 @@ class LiveRun:
             self._connected = connected
         else:
             self._adopt(connected)
-            self._watchers.begin(self._start, self._start.record["utc_ns"])
+            self._begin_session()
             self._happened(event("config-changed", self._t_ns, "link"))
         self._greet()
 
@@ -266,6 +270,7 @@ class LiveRun:
             self._watchers.happened(happening, time.time_ns() if now_ns is None else now_ns)
 
     def _each_second(self) -> None:
+        self._log.checkpoint()  # first: a fault of the disk belongs into this second's line
         is_slow = self._log.behind_s > SLOW_DISK_S
         if is_slow and not self._is_disk_slow:  # once, until the disk has caught up
             self._happened(event("log-behind", self._t_ns, "log", age_s=round(self._log.behind_s, 1)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import asdict, replace
+from itertools import count
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ from shore.imports.log_maker import LogMaker
 from shore.link.link import Link, Received
 from shore.live.run import LiveRun, Options
 from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import LogWriter
 from shore.logbook.schemas import LINK, SESSION
 from shore.pipeline import Output, Pipeline
 from shore.replay.run import Replay
@@ -50,6 +52,10 @@ class Seen(Watcher):
 
     def end(self, tally: dict[str, Any], t_ns: int) -> None:
         self.calls.append("end")
+
+
+def full_disk(_writer: LogWriter) -> int:
+    raise WayfixError("the log cannot be written any further (no space left on device)")
 
 
 def step_of(frame: Frame, output: Output | None = None) -> Step:
@@ -178,3 +184,28 @@ def test_seconds_of_a_run_go_on_over_a_reboot_of_the_board(voyage: list[Frame]) 
     rebooted = replace(voyage[0], clock_id="after", t0_ns=5, t1_ns=5 + 10**8)
     assert seconds.at(rebooted) == pytest.approx(before[-1] + 0.1)
     assert seconds.at(voyage[3]) == before[3]
+
+
+def test_an_import_without_a_frame_opens_no_log(tmp_path: Path) -> None:
+    out = tmp_path / "out.mcap"
+    out.write_bytes(b"somebody's")
+    maker = LogMaker({"config": without_none(asdict(BOAT))}, ("ukf",), None)
+    assert not maker.write(out, [b"no frame"], None, dict)
+    assert maker.written.bad == 1
+    assert out.read_bytes() == b"somebody's"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_fault_of_the_disk_is_in_the_status_line_of_the_same_second(
+    tmp_path: Path, voyage: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_ns = count(10**12, 100_000_000)
+    monkeypatch.setattr("shore.live.run.boottime_ns", lambda: next(now_ns))
+    said: list[str] = []
+    options = Options(("ukf",), log_dir=tmp_path, until_end=True)
+    run = LiveRun(cast("Link", Board(voyage[:40])), options, lambda: False, said.append)
+    monkeypatch.setattr("shore.logbook.log_writer.LogWriter.flush", full_disk)
+    run.run()
+    fault = next(place for place, line in enumerate(said) if line.startswith("error: log:"))
+    status = next(line for line in said[fault:] if " frames, " in line)
+    assert status.startswith("NO LOG | ")
