@@ -63,6 +63,7 @@ class SendOrder:
         self._window, self._received = lease.window, lease.received - self._base
         while self._on_the_way and self._on_the_way[0][0] <= self._received:
             self._on_the_way.popleft()
+        self.gone.clear()
         self._want(lease.missing)
 
     def next_live(self, newest: LiveFrame, last_with_fix: LiveFrame | None) -> LiveFrame | None:

@@ -219,7 +219,6 @@ class Server:
             self._greet(routing_id)
         client.renew(lease, routing_id, received_ns, self._frame_period_ns)
         gone = [*gone_of(lease.missing, self._store.runs()), *client.order.gone]
-        client.order.gone.clear()
         self._reply(
             routing_id,
             "alive",

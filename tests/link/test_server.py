@@ -97,22 +97,6 @@ def test_missing_frames_come_oldest_first_and_lost_ones_are_told() -> None:
     on_bench(run)
 
 
-def test_a_hole_that_the_board_finds_as_it_reads_is_in_the_next_answer() -> None:
-    async def run(bench: Bench) -> None:
-        bench.publish(3)
-        bench.next_seq += 2  # two frames were never stored
-        bench.publish(3)
-        client = await bench.joined()
-        asked = FrameRange(BOOT, 3, 6)
-        await client.lease(asked)
-        assert (await client.expect("alive"))["gone"] == []  # the board looks
-        assert [item.seq for item in await client.frames(2)] == [3, 6]
-        await client.lease(FrameRange(BOOT, 4, 5))
-        assert (await client.expect("alive"))["gone"] == [[BOOT, 4, 5]]
-
-    on_bench(run)
-
-
 def test_no_more_than_a_window_is_on_the_way_and_the_newest_goes_next() -> None:
     async def run(bench: Bench) -> None:
         client = await bench.joined()
