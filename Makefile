@@ -63,7 +63,7 @@ fast-pure fast-real differing-pure: TIER := not slow
 differing-pure: PURE := $(DIFFERING)
 slow-pure slow-real: TIER := slow
 fast-real: WORKERS := $(if $(filter 0,$(shell id -u)),4,0)
-slow-real: WORKERS := 6
+slow-real: WORKERS := $(if $(filter 0,$(shell id -u)),6,0)
 
 fast-pure slow-pure differing-pure:
 	nice -n 2 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)

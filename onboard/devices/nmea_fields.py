@@ -1,7 +1,7 @@
 """Field parsers of NMEA sentences, strict: text in, value or `None` (empty field) out.
 
 Nothing is guessed: a number is `-?digits[.digits]` and nothing else (no exponent, `nan`, underscore, plus sign, blank),
-and every value has a range. What does not pass raises `FieldFault`, caught in `nmea.read` only.
+and every value has a range. What does not pass raises `FieldFault`, which `nmea_parser.read` and the readers of dates and bursts catch.
 """
 
 import re
@@ -21,7 +21,7 @@ UNKNOWN_DILUTION: Final = 99.0
 DAY_MS: Final = 86_400_000
 
 
-class FieldFault(Exception):  # noqa: N818  a signal between two modules, never an error anybody sees
+class FieldFault(Exception):  # noqa: N818  a signal between parsers, never an error that a person sees
     """A field that cannot be used; `reason` is the word of the counters."""
 
     def __init__(self, reason: str) -> None:

@@ -315,7 +315,7 @@ class Server:
 
 
 async def _until(true: Callable[[], bool], deadline_s: float) -> None:
-    """Wait for the awaitable, no longer than the deadline."""
+    """Wait until `true()` holds, no longer than the deadline, s."""
     steps = 50
     for _ in range(steps):
         if true():

@@ -165,7 +165,7 @@ def _directory(wanted: Path | None) -> Path:
 def _refuse_foreign(paths: Iterable[Path]) -> None:
     """Refuse to overwrite files that no virtual boat wrote; what an earlier virtual boat left is overwritten."""
     for path in paths:
-        if path.exists() and not (path.is_symlink() or is_ours(path)):
+        if not path.is_symlink() and path.exists() and not is_ours(path):  # another user's port may not be looked at
             raise WayfixError("exists already and is not a virtual boat's", str(path), "give another --dir")
 
 

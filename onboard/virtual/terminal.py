@@ -43,7 +43,7 @@ class Terminal:
         """Pull the adapter: a reader sees an end of file or EIO, and the name is gone."""
         if self._master is None:
             return
-        # The name goes first: the next pseudo-terminal of anybody may get the number it leads to.
+        # The name goes first: the next file that this process opens may get the descriptor it leads to.
         self.link.unlink(missing_ok=True)
         os.close(self._keeper)
         os.close(self._master)

@@ -57,7 +57,7 @@ class GpsDriver:
     def feed(self, line: Line) -> Outcome:
         """Take one sentence in; the Fix of an epoch comes with the first sentence of the next, or from `flush`.
 
-        Reasons: those of `check_sentence` and `nmea.read`.
+        Reasons: those of `check_sentence` and `nmea_parser.read`.
         """
         outcome = self._decode(line)
         self._last_ns = line.t_ns if line.end_ns is None else line.end_ns

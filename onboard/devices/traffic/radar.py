@@ -28,7 +28,7 @@ class RadarDriver:
         """One RadarTarget, valid at the arrival of its first byte less the latency, and the RawLine as it came.
 
         `tod_ms` is the radar's own time. Names longer than 64 characters are cut; the RawLine has them whole. Beside
-        the reasons of `check_sentence` and `nmea.read`: `empty` (no place, and not the news of a lost target).
+        the reasons of `check_sentence` and `nmea_parser.read`: `empty` (no place, and not the news of a lost target).
         """
         sentence = check_sentence(line.data)
         if isinstance(sentence, str):
