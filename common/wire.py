@@ -50,7 +50,7 @@ def wrong_type(wanted: str, value: Any) -> Fault:
 
 
 def value_converter(hint: Any) -> Convert:
-    """The converter of a scalar or map, for both directions; None, columns, messages and lists of messages are the codec's."""
+    """The converter of a scalar or map, both ways; None, columns, messages and lists of messages are the codec's."""
     bounds: tuple[Any, ...] = ()
     if get_origin(hint) is Annotated:
         hint, *rest = get_args(hint)

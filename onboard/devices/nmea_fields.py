@@ -1,7 +1,8 @@
 """Field parsers of NMEA sentences, strict: text in, value or `None` (empty field) out.
 
 Nothing is guessed: a number is `-?digits[.digits]` and nothing else (no exponent, `nan`, underscore, plus sign, blank),
-and every value has a range. What does not pass raises `FieldFault`, which `nmea_parser.read` and the readers of dates and bursts catch.
+and every value has a range. What does not pass raises `FieldFault`, which `nmea_parser.read` and the readers of dates
+and bursts catch.
 """
 
 import re

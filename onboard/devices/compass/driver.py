@@ -60,9 +60,9 @@ class CompassDriver:
     def feed(self, line: Line) -> Outcome:
         """Decode one sentence.
 
-        Beside the reasons of `check_sentence` and `nmea_parser.read`: `empty`, no value in it (the compass calibrates itself);
-        `alarm`, the device refuses to give a heading (HMR3000 status letters); `void`, ROT with status V; `unit`, also
-        mils or counts in place of degrees; `duplicate`, an XDR that names the same angle twice.
+        Beside the reasons of `check_sentence` and `nmea_parser.read`: `empty`, no value in it (the compass calibrates
+        itself); `alarm`, the device refuses to give a heading (HMR3000 status letters); `void`, ROT with status V;
+        `unit`, also mils or counts in place of degrees; `duplicate`, an XDR that names the same angle twice.
         """
         sentence = check_sentence(line.data)
         if isinstance(sentence, str):
