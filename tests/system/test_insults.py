@@ -24,6 +24,7 @@ from tests.system.rig import RESUME_S, RETURN, SILENCE, cpu_s, figure, rig, spea
 NOBODY: Final = 65534
 
 
+@pytest.mark.alone
 def test_unplug_and_replug_five_times_while_another_port_goes_on(tmp_path: Path) -> None:
     resumed_s: list[float] = []
     with rig(tmp_path, "one", "two") as board:
@@ -86,6 +87,7 @@ def test_a_replug_under_another_number_and_the_end_of_a_line_that_was_under_way(
                 os.close(descriptor)
 
 
+@pytest.mark.alone
 def test_an_open_but_silent_sensor_is_one_event_and_reopenings_are_none(tmp_path: Path) -> None:
     # The daemon itself says with -v when it opens a silent port anew: it is closed for 31 ms only, easily overlooked.
     with rig(tmp_path, "one", "two", clock_rate=8, rate_hz=40, command=("wayfix-onboard", "-v")) as board:
