@@ -294,10 +294,9 @@ def test_a_terminal_decides_what_a_hangup_means() -> None:
     assert has_terminal() in (True, False)
 
 
-# Keys through the socket, as `wayfix-onboard pair|keys|revoke|reload` ask.
-
-
 class KeyBench(Bench):
+    """Keys through the socket, as `wayfix-onboard pair|keys|revoke|reload` ask."""
+
     def __init__(self, directory: Path) -> None:
         self.access = AllowList(directory / "state")
         self.changes = 0
