@@ -11,7 +11,7 @@ from common.boat_config import BoatConfig
 from common.codec import decode_frame, encode_frame
 from common.framer import Framer, Identity, ImuSample, Utc
 from common.messages import Fix, Frame, Heading
-from common.simulation.readings import FixReading, HeadingReading, Timed
+from common.simulation.readings import FixReading, HeadingReading, ImuReading, Timed
 from common.simulation.voyage import Voyage
 from common.units import M_S_PER_KN, NS_PER_S
 from onboard.virtual.voyage_files import boat_config
@@ -61,6 +61,7 @@ def _measurement(item: Timed, variation_deg: float) -> Fix | Heading | ImuSample
         return Heading(
             sensor=item.sensor, t_ns=t_ns, heading_mag_deg=(reading.heading_true_deg - variation_deg) % 360.0
         )
+    assert isinstance(reading, ImuReading)
     return ImuSample(item.sensor, t_ns, reading.accel_fwd_m_s2, reading.accel_stb_m_s2, reading.yaw_rate_deg_s)
 
 

@@ -6,6 +6,7 @@ integrating the mean acceleration of each interval gives back velocity and posit
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,13 +32,22 @@ class Truth:
     v_north_m_s: Array
     heading_rad: Array
     """Heading clockwise from true north, rad."""
+    roll_rad: Array | None = None
+    """Roll of the hull, starboard down +, rad; `None` = it floats level, as in the thesis."""
+    pitch_rad: Array | None = None
+    """Pitch of the hull, bow up +, rad."""
 
     def at(self, t_s: Array) -> "Truth":
         """Truth at other times, linear between its own (exact for velocity and heading, 20 um for position)."""
+        return self._with(t_s, lambda values: np.interp(t_s, self.t_s, values))
 
-        def column(values: Array) -> Array:
-            return np.interp(t_s, self.t_s, values)
+    def until(self, seconds: float | None) -> "Truth":
+        """The part up to and including `seconds` (`None` = all)."""
+        keep = slice(None) if seconds is None else slice(int(np.searchsorted(self.t_s, seconds, side="right")))
+        return self._with(self.t_s[keep], lambda values: values[keep])
 
+    def _with(self, t_s: Array, column: Callable[[Array], Array]) -> "Truth":
+        """Every column changed in the same way."""
         return Truth(
             t_s,
             column(self.east_m),
@@ -45,18 +55,8 @@ class Truth:
             column(self.v_east_m_s),
             column(self.v_north_m_s),
             column(self.heading_rad),
-        )
-
-    def until(self, seconds: float | None) -> "Truth":
-        """The part up to and including `seconds` (`None` = all)."""
-        keep = slice(None) if seconds is None else slice(int(np.searchsorted(self.t_s, seconds, side="right")))
-        return Truth(
-            self.t_s[keep],
-            self.east_m[keep],
-            self.north_m[keep],
-            self.v_east_m_s[keep],
-            self.v_north_m_s[keep],
-            self.heading_rad[keep],
+            None if self.roll_rad is None else column(self.roll_rad),
+            None if self.pitch_rad is None else column(self.pitch_rad),
         )
 
 

@@ -157,3 +157,5 @@ class BoatEncoders:
                 return self.compass.encode(t_s, reading)
             case ImuReading():
                 return self.imu.encode(t_s, reading)
+            case _:
+                raise TypeError(f"this boat has no device for a {type(reading).__name__}")
