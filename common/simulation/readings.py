@@ -44,11 +44,11 @@ class HeadingReading:
 
     heading_true_deg: float
     pitch_deg: float | None = None
-    """Bow up is +. A compass without tilt sensors prints none, whatever stands here."""
+    """Pitch of the hull, deg, bow up +. A compass without tilt sensors prints none, whatever stands here."""
     roll_deg: float | None = None
-    """Starboard down is +."""
+    """Roll of the hull, deg, starboard down +."""
     turn_rate_deg_s: float | None = None
-    """Bow to starboard is +."""
+    """Rate of turn, deg/s, bow to starboard +."""
     decimals: int = 1
     """Decimals of the heading that the device prints; 0 = whole degrees."""
     disturbed: bool = False
@@ -65,9 +65,9 @@ class ImuReading:
     accel_fwd_m_s2: float
     accel_stb_m_s2: float
     yaw_rate_deg_s: float
-    """Bow to starboard is +."""
+    """Yaw rate, deg/s, bow to starboard +."""
     accel_down_m_s2: float = -STANDARD_GRAVITY_M_S2
-    """-9.8 at rest: the hull is held up against gravity."""
+    """Specific force downward, m/s^2: -9.8 at rest, for the hull is held up against gravity."""
     roll_rate_deg_s: float = 0.0
     pitch_rate_deg_s: float = 0.0
     roll_deg: float | None = None
@@ -102,7 +102,7 @@ class RadarReading:
     lat_deg: float | None = None
     lon_deg: float | None = None
     status: str = "tracking"
-    """`acquiring`, `tracking` or `lost`."""
+    """State of the target in the tracker: `acquiring`, `tracking` or `lost`."""
     name: str = ""
 
 
