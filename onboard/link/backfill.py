@@ -14,7 +14,7 @@ from common.clock import boottime_ns
 from common.errors import CodecError
 from common.units import NS_PER_S
 from onboard.link.bounded_run import InOrder
-from onboard.link.sessions import Session
+from onboard.link.client_leases import Session
 from onboard.spool import Batch, Run, Spool
 
 READ_BYTES: Final = 16_384

@@ -1,7 +1,7 @@
 """Session server of the board's link, over one ROUTER socket (`common.link_messages`, docs/protocol.md).
 
 Every frame goes to the store first. What a client is sent next, and how much, `onboard.link.send_order` decides; the
-client says with each lease what it misses (`onboard.link.sessions`).
+client says with each lease what it misses (`onboard.link.client_leases`).
 """
 
 import asyncio
@@ -22,9 +22,9 @@ from common.units import NS_PER_S
 from common.versions import LINK_VERSION, SCHEMA_VERSION, version_fault
 from onboard.journal import Journal
 from onboard.link.backfill import Filling
+from onboard.link.client_leases import Pace, Session
 from onboard.link.router import Router
 from onboard.link.send_order import MAX_GONE, LiveFrame, SendOrder, gone_of
-from onboard.link.sessions import Pace, Session
 from onboard.spool import Spool
 
 log = logging.getLogger(__name__)

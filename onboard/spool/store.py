@@ -10,10 +10,10 @@ from common.boat_config import SpoolTable
 from common.codec import MAX_FRAME_BYTES
 from common.framer import Identity
 from onboard.journal import Journal
-from onboard.spool.disk import Disk
 from onboard.spool.memory_ring import Batch, Gathering
 from onboard.spool.segment_index import Run, Shelf, read_from
 from onboard.spool.shared_state import SpoolState
+from onboard.spool.system_calls import Disk
 from onboard.spool.writer import Writer
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from onboard.spool.disk import LOCK_NAME
 from onboard.spool.memory_ring import Item
 from onboard.spool.segment_format import END, FRAME, Damage, Record, unpack_header
 from onboard.spool.segment_index import Segment, items_of
+from onboard.spool.system_calls import LOCK_NAME
 
 _LOCKS = Path("/proc/locks")
 

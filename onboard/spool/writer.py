@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from common.boat_config import SpoolTable
 from common.framer import Identity
-from onboard.spool.disk import Disk
 from onboard.spool.memory_ring import Item
 from onboard.spool.segment_format import (
     END,
@@ -25,6 +24,7 @@ from onboard.spool.segment_format import (
 )
 from onboard.spool.segment_index import Segment, recovered, segments_in
 from onboard.spool.shared_state import SpoolState
+from onboard.spool.system_calls import Disk
 
 log = logging.getLogger(__name__)
 

@@ -60,7 +60,7 @@ class Estimate:
     aligned: bool
     """True when `waiting` is empty: the estimate is valid."""
     waiting: tuple[str, ...]
-    """What is not known yet (`shore.navigation.alignment`)."""
+    """What is not known yet (`shore.navigation.initial_alignment`)."""
     repairs: int
     """Number of times that P needed jitter since the start."""
     channels: dict[str, ChannelReport]

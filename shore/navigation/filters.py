@@ -37,7 +37,7 @@ from shore.navigation.motion_model import (
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.rules import NOISE_RULES
 from shore.navigation.numbers import Array, Number, larger
-from shore.navigation.restart import Assumed, Opening, Operation, Passed
+from shore.navigation.refilter_start import Assumed, Opening, Operation, Passed
 from shore.navigation.tilt_leak import LARGEST_LEAK_PER_M
 from shore.navigation.ukf import predict_unscented
 

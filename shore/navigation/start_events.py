@@ -2,16 +2,16 @@
 
 filter-waiting   for 5 s no filter could start; says what they wait for
 filter-started   the first estimate, and where
-filter-aligned   the first filter lacks nothing any more, so its estimates are valid (`alignment.py`)
+filter-aligned   the first filter lacks nothing any more, so its estimates are valid (`initial_alignment.py`)
 """
 
 from collections.abc import Sequence
 from typing import Final
 
 from common.units import NS_PER_S
-from shore.navigation.alignment import Waiting, before_start
 from shore.navigation.estimate import Estimate
 from shore.navigation.filter_bank import Moment
+from shore.navigation.initial_alignment import Waiting, before_start
 from shore.navigation.notices import Notices
 
 WAITING_AFTER_NS: Final = 5 * NS_PER_S

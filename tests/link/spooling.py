@@ -12,7 +12,7 @@ from common.framer import Identity
 from common.messages import Event
 from onboard.journal import Journal
 from onboard.spool import Spool
-from onboard.spool.disk import Disk
+from onboard.spool.system_calls import Disk
 
 MIB = 1 << 20
 QUICK = SpoolTable(max_mib=16, min_free_mib=0, sync_s=0.0)

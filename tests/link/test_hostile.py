@@ -18,8 +18,8 @@ from common.errors import CodecError
 from common.link_messages import BoundedRun, FrameRange, Lease
 from common.versions import LINK_VERSION
 from onboard.link.bounded_run import GATHERED_BYTES, InOrder
+from onboard.link.client_leases import Pace
 from onboard.link.server import COMMANDS_AT_ONCE, NEWS_AT_ONCE, SESSIONS_OF_KEY, Limits
-from onboard.link.sessions import Pace
 from tests.link.bench import BOOT, PERIOD_NS, Bench, frame_with, on_bench
 
 HUGE = 2**63 - 1

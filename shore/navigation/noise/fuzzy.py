@@ -43,7 +43,7 @@ class FuzzyNoise(BeforeUpdate):
     `outlier_guard.py`.
 
     R stays within [floor, ceiling] R0. Of a fast channel several samples weigh as one, so that the long window covers
-    at least 20 s. What was done before R was known is cured by the filter, see `navigation.restart`.
+    at least 20 s. What was done before R was known is cured by the filter, see `navigation.refilter_start`.
     """
 
     long: float = 60.0

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from shore.navigation import restart as opening
+from shore.navigation import refilter_start as opening
 from shore.navigation.filters import Filter, FilterState, build_filter
 from shore.navigation.motion_model import EAST, HEADING, NORTH, StateSpace
 from shore.navigation.numbers import Array
