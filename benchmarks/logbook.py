@@ -22,7 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from common.boat_config import BoatConfig
+from common.boat_config import BoatConfig, FramesTable
 from common.codec import decode_frame, encode_frame
 from common.messages import Frame
 from common.settings import as_dict
@@ -50,12 +50,12 @@ Step = tuple[Frame, list[dict[str, Any]]]
 
 def one_round(seconds: float, frame_hz: int = FRAME_HZ) -> tuple[BoatConfig, list[Step]]:
     """Configuration, and each frame with what the filter said of it."""
-    offline.FRAME_NS = NS_PER_S // frame_hz
     rates = Rates(gps_hz=1, compass_hz=frame_hz, imu_hz=20)
     voyage = scenario_voyage("5.3", seed=1, rates=rates, seconds=seconds)
-    config = offline.config_of(voyage)
+    config = replace(voyage.config, frames=FramesTable(rate_hz=frame_hz))
     sensors = tuple(replace(item, tilt_leak_sigma_per_m=0.2) if item.role == "imu" else item for item in config.sensor)
     config = replace(config, sensor=sensors)
+    voyage = replace(voyage, config=config)
     steps = [
         (frame, [estimate.as_record() for estimate in output.estimates])
         for _, frame, output in offline.pushed(Pipeline(config, [FILTER]), offline.frames_of(voyage))

@@ -2,67 +2,34 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from heapq import merge as in_order
 
 import numpy as np
 
 from common.angles import difference_deg
-from common.boat_config import BoatConfig
 from common.codec import decode_frame, encode_frame
-from common.framer import Framer, Identity, ImuSample, Utc
-from common.messages import Fix, Frame, Heading
-from common.simulation.readings import FixReading, HeadingReading, ImuReading, Timed
+from common.messages import Frame
+from common.simulation import without_ports
 from common.simulation.voyage import Voyage
-from common.units import M_S_PER_KN, NS_PER_S
-from onboard.virtual.voyage_files import boat_config
+from common.simulation.without_ports import START_NS
+from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Output, Pipeline
 
-FRAME_NS = NS_PER_S // 10
-START_NS = 1000 * NS_PER_S
-FIX_DELAY_S = 0.75
-"""Receiver latency, three sentences at 4800 baud and the end of the epoch: what the real path shows."""
-
-
-def config_of(voyage: Voyage) -> BoatConfig:
-    return boat_config(voyage, dict.fromkeys(("gps", "compass", "imu"), "unused"), "unused")
-
 
 def frames_of(voyage: Voyage) -> list[Frame]:
-    """The frames the board would send: each measurement in the frame in which it arrives."""
-    framer = Framer(Identity("offline", "0" * 16, "clock", 1), ["imu1"], START_NS)
-    variation_deg = voyage.boat.variation_deg or 0.0
-    fixes = ((item.t_s + FIX_DELAY_S, item) for item in voyage.readings if isinstance(item.reading, FixReading))
-    others = ((item.t_s, item) for item in voyage.readings if not isinstance(item.reading, FixReading))
-    frames = []
-    t1_ns = START_NS + FRAME_NS
-    for arrival_s, item in in_order(fixes, others, key=lambda pair: pair[0]):
-        while START_NS + arrival_s * NS_PER_S >= t1_ns:
-            frames.append(framer.tick(t1_ns, Utc(None, None, "none"), 0, ()))
-            t1_ns += FRAME_NS
-        framer.add(_measurement(item, variation_deg))
-    frames.append(framer.tick(t1_ns, Utc(None, None, "none"), 0, ()))
-    return frames
+    """All frames of a voyage."""
+    return list(without_ports.frames_of(voyage))
 
 
-def _measurement(item: Timed, variation_deg: float) -> Fix | Heading | ImuSample:
-    t_ns = START_NS + round(item.t_s * 1e6) * 1000
-    reading = item.reading
-    if isinstance(reading, FixReading):
-        speed = course = None
-        if reading.v_east_m_s is not None and reading.v_north_m_s is not None:
-            speed = float(np.hypot(reading.v_east_m_s, reading.v_north_m_s)) / M_S_PER_KN
-            course = float(np.degrees(np.arctan2(reading.v_east_m_s, reading.v_north_m_s)) % 360.0)
-        return Fix(
-            sensor=item.sensor, t_ns=t_ns, lat_deg=reading.lat_deg, lon_deg=reading.lon_deg,
-            fix_quality=1, sog_kn=speed, cog_true_deg=course,
-        )  # fmt: skip
-    if isinstance(reading, HeadingReading):
-        return Heading(
-            sensor=item.sensor, t_ns=t_ns, heading_mag_deg=(reading.heading_true_deg - variation_deg) % 360.0
-        )
-    assert isinstance(reading, ImuReading)
-    return ImuSample(item.sensor, t_ns, reading.accel_fwd_m_s2, reading.accel_stb_m_s2, reading.yaw_rate_deg_s)
+def believing(voyage: Voyage, **facts: object) -> Voyage:
+    """The voyage of a boat whose file says so of its sensors."""
+    sensors = tuple(replace(sensor, **facts) for sensor in voyage.config.sensor)  # type: ignore[arg-type]
+    return replace(voyage, config=replace(voyage.config, sensor=sensors))
+
+
+def without_latency(voyage: Voyage) -> Voyage:
+    """The voyage of a recording whose fixes already stand at the time at which the boat knew them."""
+    return believing(voyage, latency_ms=0.0)
 
 
 @dataclass(frozen=True)
@@ -85,7 +52,7 @@ class Errors:
 
 def errors_of(voyage: Voyage, filters: Sequence[str], **imu: object) -> dict[str, Errors]:
     """Run the filters over a voyage; `imu` replaces facts of the IMU (`use=()` = the filters go without it)."""
-    config = config_of(voyage)
+    config = voyage.config
     sensors = tuple(replace(item, **imu) if item.role == "imu" else item for item in config.sensor)  # type: ignore[arg-type]
     pipeline = Pipeline(replace(config, sensor=sensors), filters)
     estimates = [estimate for frame in frames_of(voyage) for estimate in pipeline.push(frame).estimates]

@@ -9,6 +9,7 @@ import csv
 import math
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -30,6 +31,7 @@ from common.simulation.column_map import (
 from common.simulation.motion import Truth
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, Reading, Timed
 from common.simulation.sensor_models import generators
+from common.simulation.three_port_boat import three_port_boat
 from common.simulation.voyage import Voyage
 
 Row = dict[str, float | None]
@@ -51,12 +53,15 @@ def recording_voyage(file: str | Path, map_file: str | Path, seed: int = 1, seco
     readings = sorted(_streams(rows, (fix, heading, imu), plane, seed, skipped), key=lambda timed: timed.t_s)
     return Voyage(
         name=Path(file).stem,
-        boat=mapping.boat,
+        config=three_port_boat(
+            # the compass line carries true - variation, and 0 where the mapping states none
+            replace(mapping.boat, variation_deg=mapping.boat.variation_deg or 0.0),
+            mapping.facts,
+            Rates(gps_hz=fix.rate_hz, compass_hz=heading.rate_hz, imu_hz=imu.rate_hz),
+        ),
         plane=plane,
         truth=truth,
         readings=tuple(readings),
-        facts=mapping.facts,
-        rates=Rates(gps_hz=fix.rate_hz, compass_hz=heading.rate_hz, imu_hz=imu.rate_hz),
         skipped=dict(skipped),
     )
 

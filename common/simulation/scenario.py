@@ -1,33 +1,72 @@
 """A scenario: a mission, what moves the boat, what its sensors do, what its filter assumes; and variants of one."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from common.boat_config import SensorTable
 from common.geodesy import LocalPlane
 from common.simulation.fields import STILL, VectorField
 from common.simulation.filter_tuning import Assumed
 from common.simulation.manoeuvres import Manoeuvres, follow
 from common.simulation.motion import Array, Mission, Place, Truth, sail
-from common.simulation.readings import SensorFacts
+from common.simulation.readings import SensorFacts, Timed
 from common.simulation.sensor_errors import NO_FLAWS, Flaws
-from common.simulation.sensor_models import Phase, imu_bias
+from common.simulation.sensor_models import Draws, Phase, imu_bias
+from common.simulation.thesis_sensors import ThesisSensor, phases_of
 from common.simulation.thesis_tables import REALISTIC, TABLE_5_4_BIAS, budget_m
 
 SOLENT: Final = LocalPlane(50.76, -1.29)
 """Origin of the simulated plane, near Cowes: a schematic stand-in. The thesis prints its map without coordinates, so
 the tracks cross land and sea as they like."""
 
-Sensor = Literal["gps1", "compass1"]
+
+class World(Protocol):
+    """What a virtual boat can sail: a track for each seed, and the readings of any sensor on it."""
+
+    @property
+    def name(self) -> str:
+        """Name on the command line."""
+        ...
+
+    @property
+    def group(self) -> str:
+        """Heading under which it is listed."""
+        ...
+
+    @property
+    def text(self) -> str:
+        """One sentence on what happens."""
+        ...
+
+    @property
+    def plane(self) -> LocalPlane:
+        """Local plane of the truth."""
+        ...
+
+    @property
+    def facts(self) -> SensorFacts:
+        """What the file of the three-port boat says of its sensors."""
+        ...
+
+    def truth(self, seed: int = 1) -> Truth:
+        """What really happens; one seed, one track."""
+        ...
+
+    def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
+        """What one sensor of the boat's file measures on the way, in order of time."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
 class Outage:
     """A sensor gives nothing for from_s <= t < from_s + length_s."""
 
-    sensor: Sensor
+    sensor: str
+    """Id of the sensor, as in the boat's file."""
     from_s: float
     length_s: float
 
@@ -50,6 +89,8 @@ class Scenario:
     current: VectorField = STILL
     """All that moves the boat besides its own speed through the water; `Manoeuvres`, over ground, feel nothing."""
     flaws: Flaws = NO_FLAWS
+    flaws_of: tuple[tuple[str, Flaws], ...] = ()
+    """Flaws of single sensors by their id, in place of `flaws`."""
     outages: tuple[Outage, ...] = ()
     step_s: float = 1.0
     """Step T of the thesis, s: all sensors measure at once every so often in the laboratory."""
@@ -70,13 +111,29 @@ class Scenario:
         drifts = bool(flaws.accel_drift.density or flaws.gyro_drift_deg.density)
         return self.assumed.facts(is_calibrated=self.bias == "removed" and not drifts)
 
-    def truth(self) -> Truth:
-        """Sail it: the same each time."""
+    def truth(self, seed: int = 1) -> Truth:
+        """Sail it: the same for every seed."""
+        del seed
         if isinstance(self.mission, Manoeuvres):
             return follow(self.mission)
         return sail(self.mission, self.current)
 
-    def works(self, sensor: Sensor, t_s: Array) -> npt.NDArray[np.bool_]:
+    def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
+        """What one sensor measures: `gps1`, `compass1` and `imu1` have the errors of the phases.
+
+        Another sensor has the noise that the boat's file states for it, which follows the phases in proportion.
+        """
+        flaws = dict(self.flaws_of).get(sensor.id, self.flaws)
+        every = ThesisSensor(sensor, phases_of(sensor, self.phases), flaws, draws).readings(truth, self.plane)
+        return (timed for timed in every if self._is_given(timed))
+
+    def _is_given(self, timed: Timed) -> bool:
+        return not any(
+            outage.sensor == timed.sensor and outage.from_s <= timed.t_s < outage.from_s + outage.length_s
+            for outage in self.outages
+        )
+
+    def works(self, sensor: str, t_s: Array) -> npt.NDArray[np.bool_]:
         """Whether the sensor gives something at each time (bool): not within an outage."""
         given = np.ones(len(t_s), dtype=np.bool_)
         for outage in self.outages:
@@ -85,7 +142,7 @@ class Scenario:
         return given
 
 
-def with_outage(scenario: Scenario, from_s: float, length_s: float, sensor: Sensor = "gps1") -> Scenario:
+def with_outage(scenario: Scenario, from_s: float, length_s: float, sensor: str = "gps1") -> Scenario:
     """The scenario with one more outage; all other readings keep their values."""
     return replace(scenario, outages=(*scenario.outages, Outage(sensor, from_s, length_s)))
 
@@ -103,7 +160,7 @@ def with_drift(scenario: Scenario) -> Scenario:
 
 def with_noise(scenario: Scenario, **errors: Any) -> Scenario:
     """The scenario with fields of `SensorErrors` replaced in every phase."""
-    phases = tuple(Phase(phase.after_s, replace(phase.errors, **errors)) for phase in scenario.phases)
+    phases = tuple(replace(phase, errors=replace(phase.errors, **errors)) for phase in scenario.phases)
     return replace(scenario, phases=phases)
 
 

@@ -1,40 +1,18 @@
 """The virtual boat: ports that speak at their baud rate on the boat clock. Its owner calls `advance` in a loop."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from common.clock import BoatClock
-from common.simulation.readings import Timed
-from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
+from common.units import NS_PER_S
 from onboard.virtual.baud_pacing import Chunk, SerialLine, paced, portion_bytes
-from onboard.virtual.encoders import BoatEncoders
 from onboard.virtual.terminal import Terminal
 
 LEAD_NS: Final = NS_PER_S // 2
 """Boat time from the start signal to t = 0, ns, so that every reader can be ready for the first byte."""
 
 Note = Callable[[dict[str, Any]], None]
-
-
-@dataclass(frozen=True, slots=True)
-class PortPlan:
-    """One port of the virtual boat: its name, its sensor and its speed."""
-
-    name: str
-    sensor: str
-    baud: int
-    latency_ms: int = 0
-    """Latency, ms: the first byte of a measurement reaches the board this much later than it was valid."""
-
-
-PORTS: Final = (
-    PortPlan("gps", "gps1", 4800, latency_ms=300),
-    PortPlan("compass", "compass1", 4800),
-    PortPlan("imu", "imu1", 38400),
-)
-PORT_NAMES: Final = tuple(plan.name for plan in PORTS)
 
 
 class VirtualPort:
@@ -77,7 +55,7 @@ class VirtualPort:
 class VirtualBoat:
     """All ports of one boat. `ports` may be unplugged, replugged and silenced at any time."""
 
-    def __init__(self, directory: Path, clock: BoatClock, names: tuple[str, ...] = PORT_NAMES) -> None:
+    def __init__(self, directory: Path, clock: BoatClock, names: tuple[str, ...]) -> None:
         """Open the terminals under `directory`; nothing is sent before `start`."""
         self.clock = clock
         self.terminals = {name: Terminal(directory / name) for name in names}
@@ -118,16 +96,3 @@ class VirtualBoat:
         """Unplug everything and remove the names."""
         for terminal in self.terminals.values():
             terminal.unplug()
-
-
-def lines_of(
-    plan: PortPlan, readings: tuple[Timed, ...], start_ns: int, encoders: BoatEncoders
-) -> Iterator[SerialLine]:
-    """The lines of one port, encoded as they come up; t = 0 of the readings is boat time `start_ns`."""
-    for timed in readings:
-        if timed.sensor != plan.sensor:
-            continue
-        t_ns = start_ns + round(timed.t_s * 1e6) * NS_PER_US
-        encoded = encoders.encode(timed.t_s, timed.reading)
-        record = {"sensor": timed.sensor, "t_ns": t_ns, "kind": encoded.kind, **encoded.values}
-        yield SerialLine(t_ns + plan.latency_ms * NS_PER_MS, encoded.data, record)

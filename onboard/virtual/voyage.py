@@ -1,17 +1,18 @@
 """A scenario of the thesis or a column recording as the virtual boat's source. Needs numpy."""
 
+import heapq
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from common.boat_config import BoatConfig
+from common.boat_config import BoatConfig, SensorTable
 from common.simulation.voyage import Voyage
-from common.units import NS_PER_S
+from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
 from onboard.virtual.baud_pacing import SerialLine
-from onboard.virtual.boat import LEAD_NS, PORTS, lines_of
+from onboard.virtual.boat import LEAD_NS
 from onboard.virtual.encoders import ArduImuEncoder, BoatEncoders, CompassEncoder, GpsEncoder
-from onboard.virtual.voyage_files import TruthFile, boat_config
+from onboard.virtual.voyage_files import TruthFile, placed
 
 _HEAD: Final = """\
 for the voyage {name!r}; matches what its pseudo-terminals send.
@@ -23,8 +24,8 @@ class VoyageSource:
     """Readings of a voyage, encoded as its devices would send them."""
 
     def __init__(self, voyage: Voyage) -> None:
-        self.bauds: Mapping[str, int] = {plan.name: plan.baud for plan in PORTS}
-        self.counted = ("sensor", tuple(plan.sensor for plan in PORTS))
+        self.bauds: Mapping[str, int] = {port.name: port.baud for port in voyage.config.port}
+        self.counted = ("sensor", tuple(sensor.id for sensor in voyage.config.sensor))
         self._voyage = voyage
         self._truth = TruthFile(voyage)
 
@@ -34,7 +35,7 @@ class VoyageSource:
 
     def config(self, ports: Mapping[str, str], bind: str) -> BoatConfig:
         """The boat of the scenario or recording."""
-        return boat_config(self._voyage, dict(ports), bind)
+        return placed(self._voyage.config, ports, bind)
 
     def ready(self, directory: Path) -> dict[str, Any]:
         """Where the truth will be, how long it takes, which rows were left out."""
@@ -45,9 +46,28 @@ class VoyageSource:
         """All readings, encoded as they come up."""
         # Receivers solve on whole seconds of UTC, so t = 0 is called a whole second: wrong by half a second at most.
         utc_ns = round((time.time_ns() + LEAD_NS / clock_rate) / NS_PER_S) * NS_PER_S
+        return {port.name: self._lines(port.name, start_ns, utc_ns) for port in self._voyage.config.port}
+
+    def _lines(self, port: str, start_ns: int, utc_ns: int) -> Iterator[SerialLine]:
+        """The lines of one port, encoded as they come up; t = 0 of the readings is boat time `start_ns`."""
+        each = {
+            sensor.id: self._lines_of(sensor, start_ns, utc_ns)
+            for sensor in self._voyage.config.sensor
+            if sensor.port == port
+        }
+        return heapq.merge(*each.values(), key=lambda line: line.ready_ns)
+
+    def _lines_of(self, sensor: SensorTable, start_ns: int, utc_ns: int) -> Iterator[SerialLine]:
         voyage = self._voyage
         encoders = BoatEncoders(GpsEncoder(utc_ns), CompassEncoder(voyage.boat.variation_deg or 0.0), ArduImuEncoder())
-        return {plan.name: lines_of(plan, voyage.readings, start_ns, encoders) for plan in PORTS}
+        latency_ns = round(sensor.latency_ms * NS_PER_MS)
+        for timed in voyage.readings:
+            if timed.sensor != sensor.id:
+                continue
+            t_ns = start_ns + round(timed.t_s * 1e6) * NS_PER_US
+            encoded = encoders.encode(timed.t_s, timed.reading)
+            record = {"sensor": timed.sensor, "t_ns": t_ns, "kind": encoded.kind, **encoded.values}
+            yield SerialLine(t_ns + latency_ns, encoded.data, record)
 
     def started(self, directory: Path, start_ns: int) -> None:
         """Write the truth, whose times are boat times."""

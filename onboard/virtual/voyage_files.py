@@ -1,15 +1,15 @@
 """Output files of a voyage: the daemon's configuration and the ground truth, beside the ports."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from common.angles import wrap_deg
-from common.boat_config import BoatConfig, FramesTable, LinkTable, PortTable, SensorTable
+from common.boat_config import BoatConfig
 from common.simulation.motion import Array, grid
 from common.simulation.voyage import Voyage
-from onboard.virtual.boat import PORTS
 
 TRUTH_HEADER = "t_s,lat_deg,lon_deg,heading_true_deg,t_ns,east_m,north_m,v_east_m_s,v_north_m_s"
 TRUTH_RATE_HZ = 10.0
@@ -17,51 +17,10 @@ LONGEST_GAP_S = 1.0
 """Longest hole of a recording's reference over which the truth is interpolated, s."""
 
 
-def boat_config(voyage: Voyage, ports: dict[str, str], bind: str) -> BoatConfig:
-    """The daemon's configuration for the ports (name -> path) of a virtual boat."""
-    facts, rates = voyage.facts, voyage.rates
-    latency = {plan.name: float(plan.latency_ms) for plan in PORTS}
-    return BoatConfig(
-        # the compass line carries true - variation, and 0 where the voyage has none
-        boat=replace(voyage.boat, variation_deg=voyage.boat.variation_deg or 0.0),
-        frames=FramesTable(),
-        link=LinkTable(bind=bind),
-        port=tuple(PortTable(name=plan.name, path=ports[plan.name], baud=plan.baud) for plan in PORTS),
-        sensor=(
-            SensorTable(
-                id="gps1",
-                port="gps",
-                role="gps",
-                rate_hz=rates.gps_hz,
-                latency_ms=latency["gps"],
-                sigma_m=facts.sigma_m,
-            ),
-            SensorTable(
-                id="compass1",
-                port="compass",
-                role="compass",
-                rate_hz=rates.compass_hz,
-                latency_ms=latency["compass"],
-                sigma_deg=facts.sigma_deg,
-            ),
-            SensorTable(
-                id="imu1",
-                port="imu",
-                role="imu",
-                model="arduimu",
-                rate_hz=rates.imu_hz,
-                latency_ms=latency["imu"],
-                accel_density=facts.accel_density,
-                gyro_density_deg=facts.gyro_density_deg,
-                bias_accel_sigma_m_s2=facts.bias_accel_sigma_m_s2,
-                bias_accel_walk_m_s2=facts.bias_accel_walk_m_s2,
-                bias_yaw_rate_sigma_deg_s=facts.bias_yaw_rate_sigma_deg_s,
-                bias_yaw_rate_walk_deg_s=facts.bias_yaw_rate_walk_deg_s,
-                tilt_leak_sigma_per_m=facts.tilt_leak_sigma_per_m,
-                use=facts.use,
-            ),
-        ),
-    )
+def placed(config: BoatConfig, ports: Mapping[str, str], bind: str) -> BoatConfig:
+    """The boat's file with its ports (name -> path) and the daemon's address where they really are."""
+    tables = tuple(replace(table, path=ports[table.name]) for table in config.port)
+    return replace(config, link=replace(config.link, bind=bind), port=tables)
 
 
 class TruthFile:

@@ -22,7 +22,7 @@ from common.simulation.scenarios import scenario_voyage
 from shore.logbook.log_writer import log_at
 from shore.replay.frames import Span
 from shore.trips.golden_case import EVERY_S, LOG, Case, write_case
-from tests.offline import config_of, frames_of
+from tests.golden.exact_frames import exact_frames
 
 HERE = Path(__file__).parent
 UTC_NS = 1_795_000_000_000_000_000
@@ -135,9 +135,9 @@ def main(names: Sequence[str]) -> None:
 
 def write_log(path: Path, made: Made) -> None:
     voyage = scenario_voyage(made.scenario, seed=SEED, seconds=made.to_s, rates=RATES)
-    board = [frame for frame in frames_of(voyage) if frame.seq >= made.from_s * 10.0]
+    board = [frame for frame in exact_frames(voyage) if frame.seq >= made.from_s * 10.0]
     merged = [merge(board[place : place + BOARD_FRAMES]) for place in range(0, len(board), BOARD_FRAMES)]
-    config, frames = made.change(config_of(voyage), merged)
+    config, frames = made.change(voyage.config, merged)
     writer = log_at(path)
     connected = {"config": without_none(asdict(config)), "boot_id": frames[0].boot_id, "next_seq": 0}
     writer.write_session(

@@ -5,7 +5,7 @@ Frames, their delays and the timeline are left out: what they change of the head
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import HEADING, ImuInput
 from shore.navigation.numbers import Array
-from tests.offline import config_of
+from tests.offline import believing
 
 IMU_S = 0.05
 """Between two samples of the IMU; every second one has a heading, every twentieth a fix as well."""
@@ -70,7 +70,7 @@ def _columns(voyage: Voyage) -> tuple[Array, Array, Array]:
 
 def heading_squares(name: str, many: Many, from_share: float, **told: float) -> Array:
     """Mean squared heading error, deg^2, of each boat from that share of the voyage on; `told` replaces facts."""
-    voyage = replace(many.voyage, facts=replace(many.voyage.facts, **told))  # type: ignore[arg-type]
+    voyage = believing(many.voyage, **told)
     each = _begin(name, many, voyage)
     truth = voyage.truth
     steps = len(many.imu)
@@ -92,7 +92,7 @@ def heading_squares(name: str, many: Many, from_share: float, **told: float) -> 
 
 def _begin(name: str, many: Many, voyage: Voyage) -> Filter:
     """A filter of all boats, each begun from its own first fix and heading."""
-    facts = facts_of(config_of(voyage))
+    facts = facts_of(voyage.config)
     each = build_filter(name, facts)
     first = []
     for (east_m, north_m, *velocity), heading in zip(many.fixes[0].T.tolist(), many.headings[0].tolist(), strict=True):

@@ -22,7 +22,6 @@ from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import ImuInput
 from shore.navigation.numbers import Array
-from tests.offline import config_of
 
 TRUSTING: dict[str, Any] = {
     "bias_accel_sigma_m_s2": 0.0,
@@ -85,7 +84,7 @@ def with_imu(config: BoatConfig, **facts: Any) -> BoatConfig:
 
 def play(draws: Draws, name: str = "fuzzy", **imu: Any) -> Played:
     """Run a filter over all draws at once; `imu` replaces facts of the IMU (`use=()` = it goes without)."""
-    config = with_imu(config_of(draws.voyage), **imu)
+    config = with_imu(draws.voyage.config, **imu)
     each = build_filter(name, facts_of(config))
     driver = driving_sensor(config)
     count = draws.fixes.shape[-1]

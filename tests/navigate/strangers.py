@@ -12,7 +12,8 @@ import numpy as np
 from common.boat_config import BoatConfig, BoatTable, SensorTable
 from common.geodesy import LocalPlane
 from common.simulation.motion import Truth
-from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, SensorFacts, Timed
+from common.simulation.readings import FixReading, HeadingReading, ImuReading, Rates, Timed
+from common.simulation.three_port_boat import three_port_boat
 from common.simulation.voyage import Voyage
 from tests.recordings import SHARED_DATA
 
@@ -93,10 +94,8 @@ def _voyage(name: str, readings: list[Timed], gps_hz: float, imu_hz: float) -> V
     last = next(timed.reading for timed in reversed(readings) if isinstance(timed.reading, FixReading))
     return Voyage(
         name=name,
-        boat=BoatTable(id=name, variation_deg=0.0),
+        config=three_port_boat(BoatTable(id=name, variation_deg=0.0), rates=Rates(gps_hz=gps_hz, imu_hz=imu_hz)),
         plane=LocalPlane(last.lat_deg, last.lon_deg),
         truth=Truth(none, none, none, none, none, none),
         readings=tuple(readings),
-        facts=SensorFacts(),
-        rates=Rates(gps_hz=gps_hz, imu_hz=imu_hz),
     )

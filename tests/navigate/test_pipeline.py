@@ -17,7 +17,6 @@ from shore.navigation.estimate import Estimate
 from shore.navigation.measurements import Position, Reader
 from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, HOME, sail
-from tests.offline import config_of
 from tests.offline import frames_of as offline_frames
 from tests.strategies import numbered_frame
 
@@ -278,7 +277,7 @@ def test_a_wrong_first_fix_is_left_after_ten_good_ones() -> None:
     number = next(index for index, frame in enumerate(frames) if frame.fixes)
     wrong = replace(frames[number].fixes[0], lat_deg=49.0)
     frames[number] = replace(frames[number], fixes=(wrong,))
-    pipeline = Pipeline(config_of(voyage), ["ukf"])
+    pipeline = Pipeline(voyage.config, ["ukf"])
     outputs = [pipeline.push(frame) for frame in frames]
     codes = [item.code for output in outputs for item in output.events]
     assert codes.count("fix-far") == codes.count("origin-moved") == 1
@@ -289,14 +288,14 @@ def test_a_wrong_first_fix_is_left_after_ten_good_ones() -> None:
 def test_an_impossible_step_is_refused(step_s: float) -> None:
     voyage = scenario_voyage("5.3", seconds=5)
     with pytest.raises(WayfixError, match=r"give 0\.05 to 60 s"):
-        Pipeline(config_of(voyage), ["ukf"], step_s)
+        Pipeline(voyage.config, ["ukf"], step_s)
 
 
 def test_a_restarted_daemon_is_told_and_the_filters_carry_on() -> None:
     voyage = scenario_voyage("5.3", seconds=20)
     frames = offline_frames(voyage)
     frames[100:] = [replace(frame, boot_id="1" * 16, start_no=2) for frame in frames[100:]]
-    pipeline = Pipeline(config_of(voyage), ["ukf"])
+    pipeline = Pipeline(voyage.config, ["ukf"])
     codes = [item.code for frame in frames for item in pipeline.push(frame).events]
     assert codes.count("daemon-restarted") == 1
     assert codes.count("filter-started") == 1

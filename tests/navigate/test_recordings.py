@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tests.offline
 from common.boat_config import SensorTable
+from common.simulation import without_ports
 from common.simulation.column_recording import recording_voyage
 from tests.navigate.played import TRUSTING, Draws, Played, drawn, play
-from tests.offline import errors_of
+from tests.offline import errors_of, without_latency
 from tests.recordings import BLUEBOAT, BLUEBOAT_MAP
 
 SPIN = "228"
@@ -85,10 +85,10 @@ def test_no_default_is_tuned_to_these_runs(name: str, factor: float) -> None:
 @pytest.mark.slow
 def test_framer_and_pipeline_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its estimates are for the end of a frame, 0.1 s after the row that is scored here."""
-    monkeypatch.setattr(tests.offline, "FIX_DELAY_S", 0.0)
+    monkeypatch.setattr(without_ports, "EPOCH_S", 0.0)
     batch = np.sqrt(play(drawn(file_of(SPIN), BLUEBOAT_MAP, 4)).squares.mean(axis=0))
     whole = [
-        errors_of(recording_voyage(file_of(SPIN), BLUEBOAT_MAP, seed=seed), ["fuzzy"])["fuzzy"].rms_m()
+        errors_of(without_latency(recording_voyage(file_of(SPIN), BLUEBOAT_MAP, seed=seed)), ["fuzzy"])["fuzzy"].rms_m()
         for seed in range(4)
     ]
     assert whole == pytest.approx(batch, rel=0.05)

@@ -10,16 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-import tests.offline
 from common.boat_config import BoatConfig
+from common.simulation import without_ports
 from common.simulation.readings import FixReading
 from common.simulation.voyage import Voyage
+from common.simulation.without_ports import START_NS
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 from shore.navigation.numbers import Array
 from shore.pipeline import Pipeline
 from tests.navigate.strangers import CAR, CAR_CONFIG, CATABOT, CATABOT_CONFIG, car, catabot
-from tests.offline import START_NS, frames_of
+from tests.offline import frames_of, without_latency
 
 pytestmark = pytest.mark.skipif(not (CAR.exists() and CATABOT.exists()), reason="no recordings in ../shared/data")
 
@@ -49,7 +50,7 @@ def followed(voyage: Voyage, config: BoatConfig, gaps: tuple[tuple[float, float]
     )
     pipeline = Pipeline(config, ["fuzzy"])
     estimates: list[Estimate] = []
-    for frame in frames_of(replace(voyage, readings=kept)):
+    for frame in frames_of(without_latency(replace(voyage, readings=kept))):
         output = pipeline.push(frame)
         if any(each.code == "filter-started" for each in output.events):
             estimates.clear()
@@ -77,7 +78,7 @@ def in_gaps(voyage: Voyage, config: BoatConfig, gaps: tuple[tuple[float, float],
 
 @pytest.fixture(autouse=True)
 def no_latency(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tests.offline, "FIX_DELAY_S", 0.0)
+    monkeypatch.setattr(without_ports, "EPOCH_S", 0.0)
 
 
 def later(voyage: Voyage, seconds: float) -> Voyage:

@@ -1,14 +1,12 @@
 """Scenario 5.3 over paired seeds, in this process (real recordings: `test_recordings.py`)."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from common.simulation.scenarios import scenario_voyage
 from shore.navigation.numbers import Array
 from tests.navigate.many_voyages import heading_squares, sail_many
-from tests.offline import errors_of
+from tests.offline import believing, errors_of
 
 pytestmark = pytest.mark.slow
 
@@ -48,7 +46,7 @@ def test_a_voyage_through_frames_and_pipeline_is_a_row_of_these() -> None:
     for seed in range(FRAMED):
         voyage = scenario_voyage("5.3", seed=seed)
         errors = errors_of(voyage, ["fuzzy", "ukf"])
-        knowing = replace(voyage, facts=replace(voyage.facts, **LATE))  # type: ignore[arg-type]
+        knowing = believing(voyage, **LATE)
         told = errors_of(knowing, ["ukf"])["ukf"]
         framed.append([item.rms_deg(0.75) for item in (errors["fuzzy"], told, errors["ukf"])])
     ratios = np.array(framed) / np.sqrt(last_quarters(range(FRAMED)))

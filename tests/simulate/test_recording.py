@@ -59,7 +59,7 @@ def test_blueboat_235_has_all_its_rows() -> None:
     assert Counter(timed.sensor for timed in voyage.readings) == {"gps1": 310, "compass1": 3098, "imu1": 3098}
     assert voyage.skipped == {}
     assert voyage.seconds == pytest.approx(309.7, abs=0.05)
-    assert voyage.facts.use == ("accel_fwd", "accel_stb", "yaw_rate")
+    assert voyage.config.with_role("imu")[0].use == ("accel_fwd", "accel_stb", "yaw_rate")
     times = [timed.t_s for timed in voyage.readings]
     assert times == sorted(times)
 

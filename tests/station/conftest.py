@@ -37,7 +37,7 @@ def trip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Forty seconds with two filters, UTC, a warning and an unprintable event."""
     path = tmp_path_factory.mktemp("log") / "trip.mcap"
     voyage = scenario_voyage("5.3", seed=1, seconds=40.0)
-    config = offline.config_of(voyage)
+    config = voyage.config
     frames = [
         replace(frame, utc_ns=UTC_NS + frame.t0_ns, utc_unc_ns=10**8, utc_src="gnss")
         for frame in offline.frames_of(voyage)

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from common.boat_config import FramesTable
 from common.messages import Frame
 from common.simulation.readings import Rates
 from common.simulation.scenarios import scenario_voyage
 from common.simulation.voyage import Voyage
-from common.units import NS_PER_S
 from shore.pipeline import Pipeline
 from tests import offline
 
@@ -29,7 +29,7 @@ FULL_S = 10.0
 
 
 def rms_m(voyage: Voyage, frames: Iterable[Frame]) -> float:
-    pipeline = Pipeline(offline.config_of(voyage), ["fuzzy"])
+    pipeline = Pipeline(voyage.config, ["fuzzy"])
     estimates = [estimate for frame in frames for estimate in pipeline.push(frame).estimates]
     return offline._errors(voyage, estimates).rms_m(0.2)
 
@@ -37,15 +37,11 @@ def rms_m(voyage: Voyage, frames: Iterable[Frame]) -> float:
 def voyage_of(seed: int, seconds: float) -> tuple[Voyage, list[Frame], list[bool]]:
     """A voyage, its frames, and which of them came."""
     voyage = scenario_voyage("5.3", seed=seed, rates=Rates(compass_hz=FRAME_HZ, imu_hz=FRAME_HZ), seconds=seconds)
+    voyage = replace(voyage, config=replace(voyage.config, frames=FramesTable(rate_hz=FRAME_HZ)))
     frames = offline.frames_of(voyage)
     draw = random.Random(seed)
     came = [draw.random() > SKIPPED or bool(frame.fixes) or frame.seq < FULL_S * FRAME_HZ for frame in frames]
     return voyage, frames, came
-
-
-@pytest.fixture(autouse=True)
-def _short_frames(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(offline, "FRAME_NS", NS_PER_S // FRAME_HZ)
 
 
 def test_what_the_imu_did_in_frames_that_did_not_come_is_not_lost() -> None:

@@ -19,7 +19,7 @@ from shore.logbook.lock import is_being_written
 from shore.logbook.log_writer import LogWriter, log_at, new_log
 from shore.logbook.session import start_record, trip_record
 from shore.pipeline import Pipeline
-from tests.offline import config_of, frames_of, pushed
+from tests.offline import frames_of, pushed
 
 UTC_NS = 1_795_000_000_000_000_000
 
@@ -29,7 +29,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A minute of a voyage with two filters."""
     path = tmp_path_factory.mktemp("log") / "trip.mcap"
     voyage = scenario_voyage("5.3", seed=1, seconds=60.0)
-    pipeline = Pipeline(config_of(voyage), ["fuzzy", "ukf"])
+    pipeline = Pipeline(voyage.config, ["fuzzy", "ukf"])
     writer = log_at(path)
     writer.write_session(start_record({"config": {"boat": {"id": "springer"}}}, {"filters": ["fuzzy"]}, UTC_NS), UTC_NS)
     writer.write_session({"kind": "trip", "name": "sea trial", "place": "Solent"}, UTC_NS)

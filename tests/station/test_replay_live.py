@@ -26,7 +26,7 @@ from shore.logbook.log_writer import log_at
 from shore.navigation.estimate import Estimate
 from shore.replay.run import Replay
 from tests import offline
-from tests.offline import config_of, frames_of
+from tests.offline import frames_of
 from tests.recordings import BLUEBOAT_235, BLUEBOAT_MAP
 from tests.station.logs import without_none
 
@@ -118,7 +118,7 @@ def test_scenario_53_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         told = event("sensor-silent", frames[place].t0_ns, "gps1", sensor="gps1", age_s=3.0, reason="no line")
         board = event("client-left", frames[place].t0_ns, "link", client="page", reason="bye")
         frames[place] = replace(frames[place], events=(told, board))
-    run = check_equal(live(tmp_path, config_of(voyage), frames, ["fuzzy"], monkeypatch), 3100)
+    run = check_equal(live(tmp_path, voyage.config, frames, ["fuzzy"], monkeypatch), 3100)
     assert run.comparison
     assert run.comparison.events
     assert run.comparison.events.equal >= 8
@@ -127,20 +127,20 @@ def test_scenario_53_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_an_uncalibrated_boat_is_found_again_with_all_filters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     voyage = scenario_voyage("uncalibrated", seed=4, seconds=40.0, rates=RATES)
     filters = ["fuzzy", "fuzzy-thesis", "fuzzy-qr", "imm", "kf"]
-    check_equal(live(tmp_path, config_of(voyage), frames_of(voyage), filters, monkeypatch), 5 * 380)
+    check_equal(live(tmp_path, voyage.config, frames_of(voyage), filters, monkeypatch), 5 * 380)
 
 
 @pytest.mark.skipif(not BLUEBOAT_235.exists(), reason="the recordings of ../shared/data are not here")
 def test_a_real_recording_is_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     voyage = recording_voyage(BLUEBOAT_235, BLUEBOAT_MAP, seed=1, seconds=60.0)
-    check_equal(live(tmp_path, config_of(voyage), frames_of(voyage), ["fuzzy", "ukf"], monkeypatch), 2 * 580)
+    check_equal(live(tmp_path, voyage.config, frames_of(voyage), ["fuzzy", "ukf"], monkeypatch), 2 * 580)
 
 
 def test_late_shuffled_doubled_restarted_and_reconfigured_is_found_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     voyage = scenario_voyage("4.2", seed=4, seconds=90.0, rates=RATES)
-    config, frames = config_of(voyage), frames_of(voyage)
+    config, frames = voyage.config, frames_of(voyage)
     changed = replace(config, sensor=tuple(replace(sensor, sigma_m=9.0) for sensor in config.sensor))
     second = [replace(frame, boot_id="1" * 16, start_no=2, seq=frame.seq - 400) for frame in frames[400:650]]
     third = [replace(frame, boot_id="2" * 16, start_no=3, clock_id="c3", seq=frame.seq - 650) for frame in frames[650:]]
@@ -178,7 +178,7 @@ def ratios(seed: int) -> tuple[float, float]:
     with TemporaryDirectory() as directory:
         path = Path(directory) / "late.mcap"
         writer = log_at(path)
-        connected = {"config": without_none(asdict(config_of(voyage)))}
+        connected = {"config": without_none(asdict(voyage.config))}
         writer.write_session({"kind": "start", "options": {"filters": ["fuzzy"]}, "connected": connected}, UTC_NS)
         for place, frame in enumerate(shuffled(frames_of(voyage), seed, 60.0, 0.35)):
             writer.write_frame(encode_frame(frame), frame, UTC_NS + place)

@@ -23,14 +23,14 @@ from shore.replay.smooth import COLUMNS, smooth_log, write_track
 from shore.report.score import read_reference
 from tests import offline
 from tests.navigate import voyages
-from tests.offline import config_of, errors_of, frames_of
+from tests.offline import errors_of, frames_of
 from tests.station.logs import log_of
 
 
 @pytest.fixture(scope="module")
 def minute() -> tuple[BoatConfig, list[Frame]]:
     voyage = scenario_voyage("5.1", seed=3, seconds=60.0)
-    return config_of(voyage), frames_of(voyage)
+    return voyage.config, frames_of(voyage)
 
 
 def test_it_ends_where_the_live_filter_ends(minute: tuple[BoatConfig, list[Frame]]) -> None:
@@ -164,7 +164,7 @@ def test_it_is_nearer_to_the_truth_than_the_filter_was() -> None:
     for seed in range(4):
         voyage = scenario_voyage("5.2", seed=seed, seconds=200.0)
         live = errors_of(voyage, ["fuzzy"])["fuzzy"]
-        smooth = offline._errors(voyage, smooth_log(config_of(voyage), frames_of(voyage), "fuzzy"))
+        smooth = offline._errors(voyage, smooth_log(voyage.config, frames_of(voyage), "fuzzy"))
         ratios.append((smooth.rms_m() / live.rms_m(), smooth.rms_deg() / live.rms_deg()))
     print("smoothed / live RMS, position and heading:", np.round(ratios, 2).tolist())
     assert np.max(ratios) < 1.0

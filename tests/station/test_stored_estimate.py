@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from common.simulation.scenarios import scenario_voyage
 from shore.logbook.estimate_rounding import digest_of, logged
 from shore.pipeline import Pipeline
-from tests.offline import config_of, frames_of
+from tests.offline import frames_of
 
 
 @pytest.fixture(scope="module")
 def records() -> list[dict[str, Any]]:
     voyage = scenario_voyage("uncalibrated", seed=3, seconds=60.0)
-    pipeline = Pipeline(config_of(voyage), ["fuzzy"])
+    pipeline = Pipeline(voyage.config, ["fuzzy"])
     return [item.as_record() for frame in frames_of(voyage) for item in pipeline.push(frame).estimates]
 
 
