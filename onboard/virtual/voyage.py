@@ -8,9 +8,10 @@ from typing import Any, Final
 from common.boat_config import BoatConfig
 from common.simulation.voyage import Voyage
 from common.units import NS_PER_S
+from onboard.devices.encoder import Surroundings
 from onboard.virtual.baud_pacing import SerialLine
 from onboard.virtual.boat import LEAD_NS, PORTS, lines_of
-from onboard.virtual.encoders import ArduImuEncoder, BoatEncoders, CompassEncoder, GpsEncoder
+from onboard.virtual.encoders import BoatEncoders
 from onboard.virtual.voyage_files import TruthFile, boat_config
 
 _HEAD: Final = """\
@@ -46,7 +47,7 @@ class VoyageSource:
         # Receivers solve on whole seconds of UTC, so t = 0 is called a whole second: wrong by half a second at most.
         utc_ns = round((time.time_ns() + LEAD_NS / clock_rate) / NS_PER_S) * NS_PER_S
         voyage = self._voyage
-        encoders = BoatEncoders(GpsEncoder(utc_ns), CompassEncoder(voyage.boat.variation_deg or 0.0), ArduImuEncoder())
+        encoders = BoatEncoders(Surroundings(utc_ns, voyage.boat.variation_deg or 0.0))
         return {plan.name: lines_of(plan, voyage.readings, start_ns, encoders) for plan in PORTS}
 
     def started(self, directory: Path, start_ns: int) -> None:
