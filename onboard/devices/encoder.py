@@ -7,9 +7,8 @@ It is as pure as a driver: the time is an argument.
 The readings are imported for type checkers only: a daemon, which never encodes, starts without them.
 """
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, TypeVar
 
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices.nmea_sentence import checksum
@@ -24,8 +23,7 @@ else:
 LINE_END: Final = b"\r\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Surroundings:
+class Surroundings(NamedTuple):
     """What a device knows of the world beside its readings."""
 
     utc_start_ns: int

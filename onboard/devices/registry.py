@@ -1,8 +1,7 @@
 """Registry of device models: driver and encoder of each, one table by role and model."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from common.boat_config import SensorTable
 from common.errors import WayfixError
@@ -20,8 +19,7 @@ from onboard.devices.traffic.ais import AisDriver, AisEncoder
 from onboard.devices.traffic.radar import RadarDriver, RadarEncoder
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
+class Model(NamedTuple):
     """How a model is read, and how it is simulated."""
 
     driver: Callable[[SensorTable], Driver]
