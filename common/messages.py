@@ -21,6 +21,7 @@ Direction = Annotated[float, Range(0.0, 360.0)]
 SignedAngle = Annotated[float, Range(-180.0, 180.0)]
 Speed = Annotated[float, Range(0.0, 1000.0)]
 Dilution = Annotated[float, Range(0.0, 100.0)]
+PositionSigma = Annotated[float, Range(0.001, 1000.0)]
 TimeOfDayMs = Annotated[int, Range(0, 86_401_000)]
 SensorId = Annotated[str, MaxLength(32)]
 Sentence = Annotated[str, MaxLength(512)]
@@ -57,6 +58,9 @@ class Fix:
     """UTC time of day of the epoch; 86,400,000 and above = the leap second 23:59:60."""
     held: bool = False
     """True when the receiver repeated its last position under a new time: the fix is kept, never fused."""
+    sigma_east_m: PositionSigma | None = None
+    """1-sigma toward east that the receiver claims of its position (GST), m; never without `sigma_north_m`."""
+    sigma_north_m: PositionSigma | None = None
 
     @property
     def usable(self) -> bool:

@@ -27,7 +27,7 @@ from common.simulation.traffic import traffic_readings
 
 NAMED: Final = ("gps1", "compass1", "imu1")
 """Sensors of which a scenario itself says the errors: those of the three-port boat."""
-TILTED: Final = ("tcm2", "hmr3000", "kvh-c100")
+TILTED: Final = ("tcm2", "hmr3000")
 """Models of compasses that print pitch and roll beside each heading."""
 
 

@@ -3,15 +3,17 @@
 import heapq
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 from common.boat_config import BoatConfig, SensorTable
+from common.simulation.measured import Measured
 from common.simulation.voyage import Voyage
 from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
+from onboard.devices import Surroundings, make_encoder
 from onboard.virtual.baud_pacing import SerialLine
 from onboard.virtual.boat import LEAD_NS
-from onboard.virtual.encoders import ArduImuEncoder, BoatEncoders, CompassEncoder, GpsEncoder
 from onboard.virtual.voyage_files import TruthFile, placed
 
 _HEAD: Final = """\
@@ -58,16 +60,18 @@ class VoyageSource:
         return heapq.merge(*each.values(), key=lambda line: line.ready_ns)
 
     def _lines_of(self, sensor: SensorTable, start_ns: int, utc_ns: int) -> Iterator[SerialLine]:
-        voyage = self._voyage
-        encoders = BoatEncoders(GpsEncoder(utc_ns), CompassEncoder(voyage.boat.variation_deg or 0.0), ArduImuEncoder())
+        variation_deg = self._voyage.boat.variation_deg or 0.0
+        encoder = make_encoder(sensor, Surroundings(utc_ns, variation_deg))
+        measured = Measured(sensor, variation_deg, utc_ns)
         latency_ns = round(sensor.latency_ms * NS_PER_MS)
-        for timed in voyage.readings:
+        for timed in self._voyage.readings:
             if timed.sensor != sensor.id:
                 continue
             t_ns = start_ns + round(timed.t_s * 1e6) * NS_PER_US
-            encoded = encoders.encode(timed.t_s, timed.reading)
-            record = {"sensor": timed.sensor, "t_ns": t_ns, "kind": encoded.kind, **encoded.values}
-            yield SerialLine(t_ns + latency_ns, encoded.data, record)
+            first = next(measured.measurements(timed.t_s, t_ns, timed.reading))
+            values = {name: value for name, value in asdict(first).items() if value is not None}
+            record = {"kind": type(first).__name__, **values}
+            yield SerialLine(t_ns + latency_ns, encoder.encode(timed.t_s, timed.reading), record)
 
     def started(self, directory: Path, start_ns: int) -> None:
         """Write the truth, whose times are boat times."""

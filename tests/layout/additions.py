@@ -5,7 +5,9 @@ DRIVER = '''"""A compass that says only its heading: `H123.4`."""
 from common.framer import Measurement
 from common.messages import Heading
 from common.boat_config import SensorTable
+from common.simulation.readings import HeadingReading
 from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.encoder import Surroundings
 
 
 class PlainDriver:
@@ -27,7 +29,25 @@ class PlainDriver:
 
     def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:
         return ()
+
+
+class PlainEncoder:
+    """What it prints."""
+
+    def __init__(self, table: SensorTable, around: Surroundings) -> None:
+        self._variation_deg = around.variation_deg
+
+    def encode(self, t_s: float, reading: HeadingReading) -> bytes:
+        return f"H{(reading.heading_true_deg - self._variation_deg) % 360.0:05.1f}\\n".encode("ascii")
 '''
+
+SPOKEN = """
+from common.boat_config import SensorTable
+from common.simulation.readings import HeadingReading
+from onboard.devices import Surroundings, make_encoder
+table = SensorTable(id="compass1", port="bow", role="compass", model="plain")
+print(make_encoder(table, Surroundings(0, 2.0)).encode(0.0, HeadingReading(1.5)))
+"""
 
 SENTENCE = """
 

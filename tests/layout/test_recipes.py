@@ -18,6 +18,7 @@ from tests.layout.additions import (
     RULE,
     SCENARIO,
     SENTENCE,
+    SPOKEN,
     SUBCOMMAND,
     WATCHER,
 )
@@ -52,8 +53,12 @@ def is_as_named(touched: set[str], named: list[str]) -> bool:
 def model_of_sensor(tree: Tree) -> None:
     tree.new("onboard/devices/compass/plain.py", DRIVER)
     registry = "onboard/devices/registry.py"
-    tree.after(registry, "from onboard.devices.compass.tcm2", "from onboard.devices.compass.plain import PlainDriver\n")
-    tree.after(registry, "MODELS:", '    ("compass", "plain"): PlainDriver,\n')
+    tree.after(
+        registry,
+        "from onboard.devices.compass.tcm2",
+        "from onboard.devices.compass.plain import PlainDriver, PlainEncoder\n",
+    )
+    tree.after(registry, "MODELS:", '    ("compass", "plain"): Model(PlainDriver, PlainEncoder),\n')
     tree.new("plain.log", "H001.5\nH002.5\nHello\n")
     tree.new(
         "boat.toml",
@@ -63,6 +68,7 @@ def model_of_sensor(tree: Tree) -> None:
     said = tree.on_board("convert", "plain.log", "out.frames", "--config", "boat.toml", "--json")
     assert '"PLAIN": 2' in said
     assert '"not-a-number": 1' in said
+    assert tree.python("-c", SPOKEN) == "b'H359.5\\n'\n"
 
 
 def sentence(tree: Tree) -> None:

@@ -5,10 +5,12 @@ each, a minus among them (GyroTrac; TracVision G4 manual, table G-4); or `%123.4
 character is not confirmed). Check a real C100 against this: what differs is refused as `form`.
 
 NMEA: HDM, HDG, HDT as the family's manuals print them, with a comma too many. Older units send HDM without checksum.
+
+The encoder speaks the own form of a C100, `%123.4` and CR: its fluxgate floats level and measures no tilt.
 """
 
 import re
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from common.boat_config import SensorTable
 from common.clock import whole_us
@@ -17,7 +19,12 @@ from common.messages import Heading
 from common.units import NS_PER_MS
 from onboard.devices.compass import sentences
 from onboard.devices.compass.driver import CompassDriver
+from onboard.devices.compass.encoder import magnetic_deg
 from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.encoder import Surroundings
+
+if TYPE_CHECKING:
+    from common.simulation.readings import HeadingReading
 
 _TENTHS = rb"([0-9]{4}|-[0-9]{3})"
 _OWN = re.compile(rb"%(?:" + _TENTHS + rb"," + _TENTHS + rb",)?([0-9]{4}|[0-9]{3}\.[0-9])")
@@ -84,6 +91,17 @@ class KvhDriver:
             roll_deg=roll_deg,
         )
         return Accepted(self.sensor, kind, (heading,))
+
+
+class KvhEncoder:
+    """A C100 with KVH's own output: the magnetic heading and nothing else."""
+
+    def __init__(self, table: SensorTable, around: Surroundings) -> None:  # noqa: ARG002  its line has no talker
+        self._variation_deg = around.variation_deg
+
+    def encode(self, t_s: float, reading: "HeadingReading") -> bytes:  # noqa: ARG002  part of the Encoder interface
+        """One line that CR alone ends."""
+        return b"%%%05.1f\r" % magnetic_deg(reading, self._variation_deg)
 
 
 def _tenths(text: bytes) -> float:

@@ -7,12 +7,14 @@ field in microtesla (user manual of the TCM2.5/2.6, pages 12-14 and 19). The dev
 Leave the device at degrees, Celsius and magnetic north. Mils are recognised (they have no decimal) and refused. The
 line does not say whether its heading was turned to true north, nor whether 60 is Celsius or Fahrenheit: it is taken as
 magnetic, and as Celsius.
+
+The encoder has field and temperature switched off, and pitch or roll where the reading has none.
 """
 
 import math
 import re
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from common.boat_config import SensorTable
 from common.clock import whole_us
@@ -22,9 +24,14 @@ from common.units import NS_PER_MS
 from onboard.devices import nmea_fields as fields
 from onboard.devices.compass import sentences
 from onboard.devices.compass.driver import CompassDriver
+from onboard.devices.compass.encoder import magnetic_deg
 from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.encoder import Surroundings, fixed, sealed
 from onboard.devices.nmea_fields import FieldFault
 from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
+
+if TYPE_CHECKING:
+    from common.simulation.readings import HeadingReading
 
 FIELD_LIMIT_UT: Final = 1000.0
 """Largest magnetic field on each axis, microtesla; the device saturates at a tenth of it."""
@@ -91,6 +98,19 @@ class Tcm2Driver:
     def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a heading never waits."""
         return ()
+
+
+class Tcm2Encoder:
+    """`$C309.8P4.0R-2.9*hh`, with `E001` before the star where the device notices a distortion."""
+
+    def __init__(self, table: SensorTable, around: Surroundings) -> None:  # noqa: ARG002  its word has no talker
+        self._variation_deg = around.variation_deg
+
+    def encode(self, t_s: float, reading: "HeadingReading") -> bytes:  # noqa: ARG002  part of the Encoder interface
+        """One output word, degrees to a tenth: without a decimal they would be mils."""
+        angles = (("C", magnetic_deg(reading, self._variation_deg)), ("P", reading.pitch_deg), ("R", reading.roll_deg))
+        groups = "".join(f"{tag}{fixed(value, 1)}" for tag, value in angles if value is not None)
+        return sealed(f"{groups}E001" if reading.disturbed else groups)
 
 
 def read_word(text: str) -> Word:

@@ -1,7 +1,7 @@
 """NMEA GNSS receivers (BU-353-S4, u-blox and others): one Fix for each receiver epoch.
 
 Position from GGA, else GNS, RMC, GLL; SOG and COG from RMC, else VTG; mode and dilutions from GSA; date from the
-epoch's own RMC or ZDA. One antenna with the talkers GP, GL, GA and GN is one sensor.
+epoch's own RMC or ZDA; sigmas from GST. One antenna with the talkers GP, GL, GA and GN is one sensor.
 
 VTG and GSA carry no time, and some receivers send them before the position. They wait for the next sentence with a
 time, or for quiet: of the epoch before or of the one after, by the longest pause among them.
@@ -17,10 +17,10 @@ from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices import nmea_parser as nmea
 from onboard.devices.driver import Accepted, Ignored, Line, Outcome, Rejected
 from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, UntimedLine, epoch_of_each, fix_of
-from onboard.devices.gps.sentences import FORMS, Gsa, Rmc, Timed, Vtg, Zda
+from onboard.devices.gps.sentences import FORMS, Gsa, Gst, Rmc, Timed, Vtg, Zda
 from onboard.devices.nmea_sentence import address, check_sentence
 
-BURST_FORMATTERS: Final = frozenset({"GSV", "GST", "GBS", "GRS", "DTM", "TXT", "MSS", "ALM"})
+BURST_FORMATTERS: Final = frozenset({"GSV", "GBS", "GRS", "DTM", "TXT", "MSS", "ALM"})
 """Sentences of the same burst that are not decoded. They keep the epoch open: at 4800 baud a GSV group puts 0.45 s
 between the GGA and the RMC of one epoch."""
 
@@ -42,6 +42,8 @@ class GpsDriver:
         self._open: Epoch | None = None
         self._closed: Epoch | None = None
         self._waiting: list[UntimedLine] = []
+        self._gst: Gst | None = None
+        """The last GST: an epoch of the same UTC takes it when it closes, and never waits for one."""
         self._last_ns = 0
         """Boat time of the end of the receiver's last line, ns."""
         self._rmc_paired_ns: int | None = None
@@ -86,6 +88,9 @@ class GpsDriver:
         if isinstance(reading, str):
             return Rejected(reading, self.sensor)
         raw = RawLine(sensor=self.sensor, t_ns=line.t_ns, text=sentence.text)
+        if isinstance(reading, Gst):
+            self._gst = reading
+            return Accepted(self.sensor, sentence.formatter, (raw,))
         name = sentence.talker + sentence.formatter
         if isinstance(reading, Vtg | Gsa):
             self._waiting.append(UntimedLine(name, reading, line.t_ns, line.end_ns or line.t_ns, self._last_ns))
@@ -123,7 +128,7 @@ class GpsDriver:
         if not epoch.has_fix:
             return ()
         held = self._watch.held(epoch.position, epoch.tod_ms, epoch.speed_and_course[0])
-        return (fix_of(epoch, self.sensor, self._valid_ns(epoch), held=held),)
+        return (fix_of(epoch, self.sensor, self._valid_ns(epoch), held=held, gst=self._gst),)
 
     def _clock_pair(self, epoch: Epoch, reading: Timed) -> tuple[ClockPair, ...]:
         """UTC beside the arrival of the epoch's first byte less the latency, from RMC status A or from ZDA.

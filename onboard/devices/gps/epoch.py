@@ -6,7 +6,7 @@ from typing import Final
 
 from common.messages import Fix
 from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
-from onboard.devices.gps.sentences import Gga, Gll, Gsa, Rmc, Timed, Untimed, Vtg, Zda
+from onboard.devices.gps.sentences import Gga, Gll, Gsa, Gst, Rmc, Timed, Untimed, Vtg, Zda
 from onboard.devices.nmea_fields import DAY_MS, Position
 
 QUIET_NS: Final = 150 * NS_PER_MS
@@ -170,11 +170,13 @@ def epoch_of_each(waiting: list[UntimedLine], last_ns: int, next_ns: int, *, ope
     return max(apart, default=0)
 
 
-def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool) -> Fix:
-    """The Fix of a complete epoch, valid at `t_ns`."""
+def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool, gst: Gst | None = None) -> Fix:
+    """The Fix of a complete epoch, valid at `t_ns`; gst: the last that came, of whatever epoch."""
     graded, gsa, position = epoch.graded, epoch.gsa, epoch.position
     sog_kn, cog_true_deg = epoch.speed_and_course
     gsa_hdop = None if gsa is None else gsa.hdop
+    if gst is not None and (position is None or gst.tod_ms is None or gst.tod_ms != epoch.tod_ms):
+        gst = None
     return Fix(
         sensor=sensor,
         t_ns=t_ns,
@@ -193,6 +195,8 @@ def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool) -> Fix:
         utc_ns=epoch.utc_ns,
         tod_ms=epoch.tod_ms,
         held=held,
+        sigma_east_m=None if gst is None else gst.sigma_east_m,
+        sigma_north_m=None if gst is None else gst.sigma_north_m,
     )
 
 

@@ -1,9 +1,10 @@
-"""Sentences of GNSS receivers as typed readings: GGA, GNS, RMC, VTG, GSA, GLL, ZDA.
+"""Sentences of GNSS receivers as typed readings: GGA, GNS, RMC, VTG, GSA, GLL, ZDA, GST.
 
 Fields by NMEA 0183 from 2.0 to 4.11. Optional at the end: mode of RMC, GLL and VTG (2.3), system identity of GSA and
 navigational status of RMC and GNS (4.1). The status says nothing of the fix (u-blox always sends V) and is not read.
 """
 
+import math
 from dataclasses import dataclass
 from datetime import date
 from typing import Final
@@ -15,6 +16,9 @@ from onboard.devices.nmea_parser import Form, Text
 
 MODES: Final = "ADEFMNPRS"
 """Autonomous, differential, estimated, RTK float, manual, not valid, precise, RTK, simulator."""
+SIGMAS_M: Final = (0.001, 1000.0)
+"""Least and largest 1-sigma of a position that is believed, m."""
+_ANY_NUMBER: Final = (float("-inf"), float("inf"))
 _QUALITY_OF_LETTER: Final = {"R": 4, "F": 5, "P": 3, "D": 2, "A": 1, "E": 6, "M": 7, "S": 8, "N": 0}
 """Letters of GNS as qualities of GGA, best first."""
 
@@ -85,6 +89,15 @@ class Zda:
 
     tod_ms: int | None
     date: date | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gst:
+    """What the receiver thinks of its own error: 1-sigma on each axis, m; both `None` = it does not know."""
+
+    tod_ms: int | None
+    sigma_east_m: float | None
+    sigma_north_m: float | None
 
 
 Timed = Gga | Rmc | Gll | Zda
@@ -178,6 +191,36 @@ def _zda(text: Text) -> Zda:
     )
 
 
+def _gst(text: Text) -> Gst:
+    """The sigmas of latitude and longitude, else those of the ellipse, its axes turned to north and east.
+
+    A value that no receiver can mean is left out: 0, and beyond 1 km (u-blox sends kilometres before it has a fix).
+    """
+    names = ("north", "east", "major", "minor")
+    north_m, east_m, major_m, minor_m = (fields.number(text(name), *_ANY_NUMBER) for name in names)
+    angle_deg = fields.number(text("orientation"), -360.0, 360.0)
+    if not (_is_credible(north_m) and _is_credible(east_m)):
+        north_m = east_m = None
+        if major_m is not None and minor_m is not None and angle_deg is not None:
+            north_m, east_m = _turned(major_m, minor_m, math.radians(angle_deg))
+    known = _is_credible(north_m) and _is_credible(east_m)
+    return Gst(
+        tod_ms=fields.time_of_day_ms(text("timestamp")),
+        sigma_east_m=east_m if known else None,
+        sigma_north_m=north_m if known else None,
+    )
+
+
+def _is_credible(sigma_m: float | None) -> bool:
+    return sigma_m is not None and SIGMAS_M[0] <= sigma_m <= SIGMAS_M[1]
+
+
+def _turned(major_m: float, minor_m: float, angle_rad: float) -> tuple[float, float]:
+    """Sigmas toward north and east of an error ellipse whose major axis lies `angle_rad` clockwise from north."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return math.hypot(major_m * cos, minor_m * sin), math.hypot(major_m * sin, minor_m * cos)
+
+
 def _position(text: Text) -> Position | None:
     return fields.position(text("lat"), text("lat_dir"), text("lon"), text("lon_dir"))
 
@@ -202,8 +245,9 @@ _GNS_FIELDS: Final = (
     "age_gps_data", "ref_station_id", "nav_status",
 )  # fmt: skip
 
+_GST_NAMES: Final = ("timestamp", "rms", "major", "minor", "orientation", "north", "east", "up")
 
-FORMS: Final[dict[str, Form[Timed | Untimed]]] = {
+FORMS: Final[dict[str, Form[Timed | Untimed | Gst]]] = {
     "GGA": Form(10, 15, _gga),
     # Older versions of pynmea2 name its fields differently.
     "GNS": Form(10, 13, _gns, _GNS_FIELDS),
@@ -212,4 +256,5 @@ FORMS: Final[dict[str, Form[Timed | Untimed]]] = {
     "GSA": Form(17, 18, _gsa),
     "GLL": Form(4, 7, _gll),
     "ZDA": Form(4, 6, _zda),
+    "GST": Form(8, 8, _gst, _GST_NAMES),
 }

@@ -20,10 +20,13 @@ prints the accelerometer as gravity, minus the specific force along forward, sta
 so: `SENSOR_SIGN`, and `AN_OFFSET[5]` keeps 1 g): a level unit at rest has AN5 = +4096, a boat gathering way AN3 < 0.
 Altered firmware prints the specific force itself, AN5 = -4096 at rest. A boat floats upright, so AN5 tells which of the
 two it is, over the last samples (`SIGN_SAMPLES`); ours is the specific force.
+
+The encoder is the stock firmware with the analogs and the attitude switched on, without magnetometer and receiver.
 """
 
+import math
 import re
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from common.boat_config import SensorTable
 from common.clock import whole_us
@@ -31,12 +34,17 @@ from common.framer import ImuSample, Measurement
 from common.messages import Attitude
 from common.units import NS_PER_MS, STANDARD_GRAVITY_M_S2
 from onboard.devices.driver import Accepted, Ignored, Line, Outcome, Rejected
+from onboard.devices.encoder import Surroundings, fixed
 from onboard.devices.inertial import rotation
 from onboard.devices.inertial.rotation import Angles
 from onboard.devices.nmea_sentence import LONGEST_SENTENCE
 
+if TYPE_CHECKING:
+    from common.simulation.readings import ImuReading
+
 GYRO_COUNTS_PER_DEG_S: Final = 16.4
 ACCEL_COUNTS_PER_G: Final = 4096.0
+_COUNTS_PER_M_S2: Final = ACCEL_COUNTS_PER_G / STANDARD_GRAVITY_M_S2
 SIGN_SAMPLES: Final = 20
 """Number of samples in a row of the other sign that turn the reading of the accelerometer: a fall off a wave does
 not."""
@@ -129,6 +137,34 @@ class ArduImuDriver:
             vote = 1 if down_counts > 0 else -1
             self._as_gravity = max(-SIGN_SAMPLES // 2, min(SIGN_SAMPLES // 2, self._as_gravity + vote))
         return -1.0 if self._as_gravity >= 0 else 1.0
+
+
+class ArduImuEncoder:
+    """An ArduIMU V3 with raw counts. `YAW` is its own integral of its gyro from 0; `TOW:0` = no receiver attached."""
+
+    def __init__(self, table: SensorTable, around: Surroundings) -> None:  # noqa: ARG002  it knows nothing of the world
+        self._yaw_deg = 0.0
+        self._t_s: float | None = None
+
+    def encode(self, t_s: float, reading: "ImuReading") -> bytes:
+        """One line; the sample covers the interval that ends at `t_s`. An attitude of `None` is printed as level."""
+        rates = (reading.roll_rate_deg_s, reading.pitch_rate_deg_s, reading.yaw_rate_deg_s)
+        forces = (reading.accel_fwd_m_s2, reading.accel_stb_m_s2, reading.accel_down_m_s2)
+        counts = [_counts(rate * GYRO_COUNTS_PER_DEG_S) for rate in rates]
+        counts += [_counts(-force * _COUNTS_PER_M_S2) for force in forces]
+        if self._t_s is not None:
+            turned_deg = counts[2] / GYRO_COUNTS_PER_DEG_S * (t_s - self._t_s)
+            self._yaw_deg = math.remainder(self._yaw_deg + turned_deg, 360.0)
+        self._t_s = t_s
+        analogs = ",".join(f"{key}:{count}" for key, count in zip(_ANALOG_KEYS, counts, strict=True))
+        attitude = f"RLL:{fixed(reading.roll_deg or 0.0, 2)},PCH:{fixed(reading.pitch_deg or 0.0, 2)}"
+        text = f"!!!VER:1.9,{analogs},{attitude},YAW:{self._yaw_deg:.2f},IMUH:{HEALTHY:.0f},TOW:0***\r\n"
+        return text.encode("ascii")
+
+
+def _counts(value: float) -> int:
+    """A 16-bit converter rounds, and saturates."""
+    return max(-32768, min(32767, round(value)))
 
 
 def _body(data: bytes) -> str | Ignored | None:

@@ -12,7 +12,7 @@ checked for its form.
 
 import re
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from common.boat_config import SensorTable
 from common.clock import whole_us
@@ -22,13 +22,22 @@ from common.units import NS_PER_MS
 from onboard.devices import nmea_fields as fields
 from onboard.devices import nmea_parser as nmea
 from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.encoder import Surroundings, sealed
 from onboard.devices.nmea_fields import FieldFault
 from onboard.devices.nmea_parser import Form, Text
 from onboard.devices.nmea_sentence import check_sentence
 
+if TYPE_CHECKING:
+    from common.simulation.readings import TurnRateReading
+
 NAME: Final = "PWFXG"
 LARGEST_RATE_MDEG_S: Final = 2_000_000
 """The chip's full scale is 1500 deg/s."""
+
+_FULL_SCALE_MDEG_S: Final = 1_500_000
+"""Rate beyond which the sketch calls the module that is not amplified saturated."""
+_SAMPLES: Final = 440
+"""Conversions of the sketch in the 50 ms of a line."""
 
 _ADDRESS = re.compile(rb"\$PWFXG(?:[,*]|$)")
 _WHOLE = re.compile(r"-?[0-9]{1,10}")
@@ -102,3 +111,16 @@ class TinkerKitDriver:
     def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: a rate never waits."""
         return ()
+
+
+class TinkerKitEncoder:
+    """The sketch after its zeroing, with the module that is not amplified: it measures up to 1500 deg/s."""
+
+    def __init__(self, table: SensorTable, around: Surroundings) -> None:
+        """Nothing of the two is in the line."""
+
+    def encode(self, t_s: float, reading: "TurnRateReading") -> bytes:
+        """One line; the Arduino starts at t = 0."""
+        rate_mdeg_s = round(reading.rate_deg_s * 1000.0)
+        status = "A" if abs(rate_mdeg_s) <= _FULL_SCALE_MDEG_S else "S"
+        return sealed(f"{NAME},{round(t_s * 1000.0) % 2**32},{status},{rate_mdeg_s},{_SAMPLES}")

@@ -12,7 +12,7 @@ is left out of the AisLine, whose text is the sentence. Its time is not used: th
 """
 
 import re
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from common.boat_config import SensorTable
 from common.clock import whole_us
@@ -20,7 +20,11 @@ from common.framer import Measurement
 from common.messages import AisLine
 from common.units import NS_PER_MS
 from onboard.devices.driver import Accepted, Line, Outcome, Rejected
+from onboard.devices.encoder import LINE_END, Surroundings
 from onboard.devices.nmea_sentence import LONGEST_SENTENCE, address, check_sentence, checksum
+
+if TYPE_CHECKING:
+    from common.simulation.readings import AisReading
 
 FORMATTERS: Final = frozenset({"VDM", "VDO"})
 
@@ -71,6 +75,17 @@ class AisDriver:
     def flush(self, now_ns: int, heard_ns: int) -> tuple[Measurement, ...]:  # noqa: ARG002  part of the Driver interface
         """Nothing: parts are not waited for."""
         return ()
+
+
+class AisEncoder:
+    """A receiver prints the sentence that came over the air."""
+
+    def __init__(self, table: SensorTable, around: Surroundings) -> None:
+        """Nothing of the two is in the sentence."""
+
+    def encode(self, t_s: float, reading: "AisReading") -> bytes:  # noqa: ARG002  part of the Encoder interface
+        """The sentence and its line end."""
+        return reading.sentence.encode("ascii") + LINE_END
 
 
 def _split(data: bytes) -> tuple[bytes | None, bytes]:
