@@ -2,10 +2,11 @@
 
 What is drawn for each receiver, and where its size comes from:
 
-* Position error an axis: `UERE_M` of the quality times HDOP. A part lasts 20 to 600 s, the rest is white (a tenth to
-  four tenths of the total). The studies' worlds have 1.5 m over 60 to 600 s beside 0.4 to 0.7 m white (real-boats.md
-  section 3, judge.md, honest-filter.md section 5 adds 20 s). Receivers on one boat share part of what lasts (orbits,
-  ionosphere), the rest is each one's own (multipath).
+* Position error an axis: `UERE_M` of the quality times HDOP. A part lasts 20 to 600 s, the rest is white, 0.05 to 0.4
+  of the total. The studies' worlds have 1.5 m over 60 to 600 s beside 0.4 to 0.7 m white (real-boats.md section 3,
+  judge.md; honest-filter.md section 5 adds 20 s); receivers on two moored boats wander by 1.3 and 2.1 m at HDOP 1.1,
+  0.98 and 0.99 correlated over 1 s (benchmarks/real_boats.py). Half of them have SBAS (quality 2). Receivers on one
+  boat share part of what lasts (orbits, ionosphere), the rest is each one's own (multipath).
 * HDOP wanders by 12 % over 2 minutes. HDOP x `UERE_M` and GST tell the total with an error of up to 30 % each, constant
   for a receiver (issue 14).
 * Velocity: noise 0.02 to 0.06 m/s an axis, and as much again that lasts seconds; SOG and COG of RTK receivers agree
@@ -15,7 +16,7 @@ What is drawn for each receiver, and where its size comes from:
 * An untold latency of up to 0.5 s in three receivers of ten, as of 0.5 s in the study's stress.
 * Quality: losses come at random and last about as long as `Losses` says; real degradation of an RTK receiver is
   5, 0, 1, 2, 1, 0 ... 4 within 10 s (real-boats.md section 2). It takes seconds to grow worse and none to grow better.
-* The antenna stands 0.3 to 1.5 m above the boat's point and swings with roll and pitch; its lever arm is the file's.
+* The antenna stands 0.3 to 1.0 m above the boat's point and swings with roll and pitch; its lever arm is the file's.
 """
 
 from collections.abc import Iterator
@@ -34,7 +35,7 @@ from common.simulation.sensor_errors import drift_path, gauss_markov
 from common.simulation.sensor_models import Draws
 
 Quality = npt.NDArray[np.int64]
-UERE_M: Final = {0: 4.0, 1: 1.6, 2: 1.2, 4: 0.012, 5: 0.3}
+UERE_M: Final = {0: 4.0, 1: 2.0, 2: 1.4, 4: 0.012, 5: 0.3}
 """1-sigma of a position on each axis at HDOP 1 by quality as in GGA, m. RTK receivers state 1 cm and some dm.
 Without a fix the error grows meanwhile, unseen."""
 WORSE_LAG_S: Final = 3.0
@@ -55,23 +56,24 @@ class Loss:
 class Reception:
     """What kind of receivers the boats of a scenario have, and how well they see the sky."""
 
-    quality: int
-    """Quality on a good day: 1, 2 or 4."""
+    quality: tuple[int, ...]
+    """Qualities on a good day, as in GGA; a receiver draws one of them."""
     losses: tuple[Loss, ...]
     """Later ones win over earlier ones."""
     hdop: tuple[float, float] = (0.7, 1.3)
     """Middle HDOP of a receiver is drawn in here."""
 
 
-OPEN_SKY: Final = Reception(2, (Loss(1, 600.0, 40.0), Loss(0, 2400.0, 6.0)))
-BETWEEN_WALLS: Final = Reception(2, (Loss(1, 150.0, 40.0), Loss(0, 300.0, 8.0)), hdop=(0.9, 2.2))
-RTK: Final = Reception(4, (Loss(5, 150.0, 25.0), Loss(1, 220.0, 20.0), Loss(0, 500.0, 6.0)))
+OPEN_SKY: Final = Reception((1, 2), (Loss(1, 600.0, 40.0), Loss(0, 2400.0, 6.0)))
+BETWEEN_WALLS: Final = Reception((1, 2), (Loss(1, 150.0, 40.0), Loss(0, 300.0, 8.0)), hdop=(0.9, 2.2))
+RTK: Final = Reception((4,), (Loss(5, 150.0, 25.0), Loss(1, 220.0, 20.0), Loss(0, 500.0, 6.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receiver:
     """What is drawn once for a receiver."""
 
+    quality: int
     lasts_s: float
     """Correlation time of the position error, s."""
     white_share: float
@@ -98,12 +100,14 @@ class Receiver:
 
 def drawn_receiver(rng: np.random.Generator, reception: Reception) -> Receiver:
     """A receiver of the kind; each draw is made whatever the ones before say."""
-    rtk = reception.quality == 4
+    quality = int(rng.choice(reception.quality))
+    rtk = quality == 4
     lag_s, held_m_s, still_m_s, late_s = rng.uniform((0.3, 0.15, 0.1, 0.05), (0.8, 0.5, 0.4, 0.5)).tolist()
     lags, holds, stands, delays, tells = (rng.uniform(size=5) < (0.5, 0.5, 0.25, 0.3, 0.4)).tolist()
     return Receiver(
+        quality=quality,
         lasts_s=float(np.exp(rng.uniform(np.log(20.0), np.log(600.0)))),
-        white_share=rng.uniform(0.1, 0.4),
+        white_share=float(np.exp(rng.uniform(np.log(0.05), np.log(0.4)))),
         sky_share=rng.uniform(0.3, 0.7),
         hdop=rng.uniform(*reception.hdop),
         truth_over_hdop=float(np.exp(rng.uniform(np.log(0.77), np.log(1.3)))),
@@ -114,7 +118,7 @@ def drawn_receiver(rng: np.random.Generator, reception: Reception) -> Receiver:
         course_held_m_s=held_m_s if holds and not rtk else 0.0,
         still_m_s=still_m_s if stands and not rtk else 0.0,
         late_s=late_s if delays else 0.0,
-        mast_m=rng.uniform(0.3, 1.5),
+        mast_m=rng.uniform(0.3, 1.0),
         minute_decimals=7 if rtk else int(rng.choice((4, 5))),
     )
 
@@ -123,7 +127,7 @@ def fixes(truth: Truth, sensor: SensorTable, draws: Draws, reception: Reception,
     """Readings of one receiver over the whole truth; while there is no fix it says quality 0 and no velocity."""
     receiver = drawn_receiver(draws.of(f"{sensor.id} made")[0], reception)
     t_s = sample_times_s(truth, sensor)
-    quality = qualities(draws.of(f"{sensor.id} quality")[0], t_s, reception)
+    quality = qualities(draws.of(f"{sensor.id} quality")[0], t_s, receiver.quality, reception.losses)
     hdop = _hdop(draws, sensor.id, t_s, receiver)
     sigma_m = position_sigma_m(t_s, quality, hdop, receiver)
     antenna = at_antenna(truth, sensor, receiver.mast_m)
@@ -154,11 +158,11 @@ def fixes(truth: Truth, sensor: SensorTable, draws: Draws, reception: Reception,
         )
 
 
-def qualities(rng: np.random.Generator, t_s: Array, reception: Reception) -> Quality:
+def qualities(rng: np.random.Generator, t_s: Array, usual: int, losses: tuple[Loss, ...]) -> Quality:
     """Quality as in GGA at each time; losses of each kind begin and end at random, whatever the sampling."""
-    quality = np.full(len(t_s), reception.quality)
-    seeds = rng.integers(0, 2**63, len(reception.losses)).tolist()
-    for loss, own in zip(reception.losses, map(np.random.default_rng, seeds), strict=True):
+    quality = np.full(len(t_s), usual)
+    seeds = rng.integers(0, 2**63, len(losses)).tolist()
+    for loss, own in zip(losses, map(np.random.default_rng, seeds), strict=True):
         at_s = own.exponential(loss.every_s)
         while at_s <= t_s[-1]:
             until_s = at_s + loss.lasts_s * own.uniform(0.3, 1.7)

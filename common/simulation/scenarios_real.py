@@ -70,8 +70,8 @@ class RealScenario:
                 return iter(())
 
 
-LAKE: Final = Sea(roll_deg=1.0, pitch_deg=0.5, yaw_deg=0.3, drift_m_s=0.03, peak_hz=(0.3, 0.5))
-BAY: Final = Sea(roll_deg=2.5, pitch_deg=1.2, yaw_deg=0.6, drift_m_s=0.08)
+LAKE: Final = Sea(roll_deg=0.7, pitch_deg=0.5, yaw_deg=0.2, drift_m_s=0.03)
+BAY: Final = Sea(roll_deg=2.0, pitch_deg=1.0, yaw_deg=0.4, drift_m_s=0.03)
 COAST: Final = Sea(roll_deg=7.0, pitch_deg=3.0, yaw_deg=1.5, drift_m_s=0.25, peak_hz=(0.1, 0.35))
 
 REAL_SCENARIOS: Final = (

@@ -35,7 +35,7 @@ class Sea:
     yaw_deg: float
     drift_m_s: float
     """Velocity to and fro on each body axis, m/s."""
-    peak_hz: tuple[float, float] = (0.2, 0.45)
+    peak_hz: tuple[float, float] = (0.15, 0.45)
     """Peak of the roll is drawn in here, Hz; pitch, yaw and drift lie within a quarter of it."""
 
 
