@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.angles import difference_rad
+from common.boat_config import ROLES, SensorTable
 from common.simulation.fields import VectorField
 
 Array = npt.NDArray[np.float64]
@@ -63,6 +64,11 @@ class Truth:
 def grid(duration_s: float, rate_hz: float, first: int = 0) -> Array:
     """Times k / rate_hz from k = first to the last one within `duration_s`."""
     return np.arange(first, math.floor(duration_s * rate_hz + 1e-6) + 1, dtype=np.float64) / rate_hz
+
+
+def sample_times_s(truth: Truth, sensor: SensorTable) -> Array:
+    """Times at which a sensor measures, from 0 to the end of the truth: `rate_hz` of its file, else usual."""
+    return grid(float(truth.t_s[-1]), sensor.rate_hz or ROLES[sensor.role].nominal_rate_hz)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from common.simulation.motion import Array
+from common.simulation.recurrences import recur
 
 Axes = tuple[float, float, float]
 """Forward and starboard accelerometer (m/s^2), gyro (deg/s); or three numbers without unit."""
@@ -42,17 +43,14 @@ def gauss_markov(sigma: float, time_s: float) -> Drift:
 
 def drift_path(drift: Drift, t_s: Array, normals: Array) -> Array:
     """The error at times `t_s` (n,) from standard normals (..., n, axes): exact at any spacing; shape of `normals`."""
-    path = np.zeros_like(normals)
     if not drift.density:
-        return path
+        return np.zeros_like(normals)
     walks = math.isinf(drift.time_s)
     step_s = np.diff(t_s)
     keep = np.ones_like(step_s) if walks else np.exp(-step_s / drift.time_s)
     fresh = drift.density * np.sqrt(step_s) if walks else drift.sigma * np.sqrt(1.0 - keep**2)
-    path[..., 0, :] = 0.0 if walks else drift.sigma * normals[..., 0, :]
-    for k in range(len(step_s)):
-        path[..., k + 1, :] = keep[k] * path[..., k, :] + fresh[k] * normals[..., k + 1, :]
-    return path
+    scale = np.concatenate(([0.0 if walks else drift.sigma], fresh))
+    return np.moveaxis(recur(keep, np.moveaxis(normals * scale[:, np.newaxis], -2, 0)), 0, -2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
