@@ -52,8 +52,8 @@ class World(Protocol):
         """What the file of the three-port boat says of its sensors."""
         ...
 
-    def truth(self, seed: int = 1) -> Truth:
-        """What really happens; one seed, one track."""
+    def truth(self, seed: int = 1, seconds: float | None = None) -> Truth:
+        """What really happens for so many seconds (`None` = as long as it is); one seed, one track."""
         ...
 
     def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
@@ -111,12 +111,12 @@ class Scenario:
         drifts = bool(flaws.accel_drift.density or flaws.gyro_drift_deg.density)
         return self.assumed.facts(is_calibrated=self.bias == "removed" and not drifts)
 
-    def truth(self, seed: int = 1) -> Truth:
-        """Sail it: the same for every seed."""
+    def truth(self, seed: int = 1, seconds: float | None = None) -> Truth:
+        """Sail it: the same for every seed. The mission ends when it ends, whatever `seconds` asks."""
         del seed
         if isinstance(self.mission, Manoeuvres):
-            return follow(self.mission)
-        return sail(self.mission, self.current)
+            return follow(self.mission).until(seconds)
+        return sail(self.mission, self.current).until(seconds)
 
     def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
         """What one sensor measures: `gps1`, `compass1` and `imu1` have the errors of the phases.

@@ -7,20 +7,24 @@ from common.errors import WayfixError
 from common.simulation.readings import Rates
 from common.simulation.scenario import Scenario, World
 from common.simulation.scenarios_own import OWN
+from common.simulation.scenarios_real import REAL_SCENARIOS
 from common.simulation.scenarios_thesis import THESIS
 from common.simulation.three_port_boat import three_port_boat
 from common.simulation.voyage import Voyage, boat_voyage
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in (*THESIS, *OWN)}
 """Scenarios of the laboratory: one track each, many runs."""
-WORLDS: Final[dict[str, World]] = {**SCENARIOS}
-"""Everything that a virtual boat can sail."""
+WORLDS: Final[dict[str, World]] = {**SCENARIOS, **{world.name: world for world in REAL_SCENARIOS}}
+"""Everything that a virtual boat can sail: these, and the worlds that draw another boat and track from each seed."""
 VARIATION_DEG: Final = -0.5
 """Variation that the three-port boat's file states, about that of the Solent in 2015."""
 
 
 def find_scenario(name: str, where: str = "--scenario") -> Scenario:
-    """The scenario called `name`; raises WayfixError with the names there are, `where` the wrong one was given."""
+    """The laboratory's scenario called `name`; raises WayfixError with the names there are, `where` it was given."""
+    if name in WORLDS and name not in SCENARIOS:
+        cure = "use wayfix demo --scenario or wayfix-onboard virtual --scenario"
+        raise WayfixError(f"{name} has another track for each seed, and runs here share one", where, cure)
     if name not in SCENARIOS:
         raise WayfixError(f"there is no scenario {name!r}", where, f"choose one of: {', '.join(SCENARIOS)}")
     return SCENARIOS[name]

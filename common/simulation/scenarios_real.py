@@ -21,6 +21,7 @@ from common.simulation.real_compass import compass_readings
 from common.simulation.real_gps import BETWEEN_WALLS, OPEN_SKY, RTK, Reception, fixes
 from common.simulation.real_inertial import gyro_readings, imu_readings
 from common.simulation.sensor_models import Draws
+from common.simulation.traffic import traffic_readings
 from common.simulation.waves import Sea
 
 REAL: Final = "real boats"
@@ -56,7 +57,7 @@ class RealScenario:
         return afloat(water, t_s, course, hull, self.weather)
 
     def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
-        """What one sensor measures on the way; traffic there is none."""
+        """What one sensor measures on the way."""
         match sensor.role:
             case "gps":
                 return fixes(truth, sensor, draws, self.reception, self.plane)
@@ -67,7 +68,7 @@ class RealScenario:
             case "gyro":
                 return gyro_readings(truth, sensor, draws)
             case _:
-                return iter(())
+                return traffic_readings(truth, sensor, draws, self.plane)
 
 
 LAKE: Final = Sea(roll_deg=0.7, pitch_deg=0.5, yaw_deg=0.2, drift_m_s=0.03)

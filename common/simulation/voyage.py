@@ -41,7 +41,7 @@ def boat_voyage(world: World, config: BoatConfig, seed: int = 1, seconds: float 
     What a sensor measures depends on world, seed and its own table, never on what other sensors there are. In one
     instant the sensors speak in the order of the file.
     """
-    truth, draws = world.truth(seed).until(seconds), Draws(seed)
+    truth, draws = world.truth(seed, seconds), Draws(seed)
     each = [world.readings(truth, sensor, draws) for sensor in config.sensor]
     readings = heapq.merge(*each, key=lambda timed: timed.t_s)
     return Voyage(name=world.name, config=config, plane=world.plane, truth=truth, readings=tuple(readings))

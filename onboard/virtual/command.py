@@ -39,7 +39,20 @@ def add_arguments(commands: Any) -> None:
         action="append",
         help="play a raw recording of a serial port as it was; give it again for more ports",
     )
-    source.add_argument("--list", action="store_true", help="list the scenarios and stop")
+    source.add_argument("--list", action="store_true", help="list scenarios and quirks, and stop")
+    parser.add_argument(
+        "--boat",
+        metavar="TOML",
+        type=Path,
+        help="a boat's file: a port for each [[port]], and each [[sensor]] speaks (default: receiver, compass, IMU)",
+    )
+    parser.add_argument(
+        "--quirk",
+        metavar="SENSOR:NAME",
+        action="append",
+        default=[],
+        help="a habit of one device, see --list; give it again for more",
+    )
     parser.add_argument("--map", metavar="TOML", type=Path, help="which column of the recording is what")
     parser.add_argument(
         "--baud",
@@ -100,11 +113,14 @@ def _virtual(args: argparse.Namespace) -> int:
 
 def _list() -> int:
     _need_numpy()
-    from common.simulation.scenarios import SCENARIOS
+    from common.simulation.quirks import QUIRKS
+    from common.simulation.scenarios import WORLDS
 
-    width = max(map(len, SCENARIOS))
-    for name, scenario in SCENARIOS.items():
-        sys.stdout.write(f"{name:<{width}}  {scenario.text}\n")
+    width = max(map(len, (*WORLDS, *QUIRKS)))
+    for name, world in WORLDS.items():
+        sys.stdout.write(f"{name:<{width}}  {world.text}\n")
+    for name, quirk in QUIRKS.items():
+        sys.stdout.write(f"{name:<{width}}  quirk of a {quirk.role}: {quirk.text}\n")
     return 0
 
 
@@ -119,6 +135,10 @@ def _source(args: argparse.Namespace) -> Source:
     """What the options ask for."""
     if args.map is not None and args.recording is None:
         raise WayfixError("belongs to a recording", "--map", "add --recording CSV")
+    is_recorded = args.nmea is not None or args.recording is not None
+    for option, given in (("--boat", args.boat), ("--quirk", args.quirk)):
+        if given and is_recorded:
+            raise WayfixError("belongs to a scenario", option, "leave out the recording")
     if args.nmea is not None:
         from onboard.virtual.player import Player
 
@@ -138,11 +158,22 @@ def _source(args: argparse.Namespace) -> Source:
 def _voyage_source(args: argparse.Namespace) -> Source:
     _need_numpy()
     from common.simulation.column_recording import recording_voyage
-    from common.simulation.scenarios import scenario_voyage
+    from common.simulation.quirks import with_quirks
+    from common.simulation.scenarios import find_world, scenario_voyage
+    from common.simulation.voyage import boat_voyage
+    from onboard.virtual.boat_file import virtual_boat
     from onboard.virtual.voyage import VoyageSource
 
     if args.recording is None:
-        return VoyageSource(scenario_voyage(args.scenario or "5.3", args.seed, args.seconds))
+        scenario = args.scenario or "5.3"
+        if args.boat is None:
+            voyage = scenario_voyage(scenario, args.seed, args.seconds)
+        else:
+            voyage = boat_voyage(find_world(scenario), virtual_boat(args.boat), args.seed, args.seconds)
+        source = VoyageSource(with_quirks(voyage, args.quirk))
+        for overload in source.overloads():
+            sys.stderr.write(f"{overload}\n")
+        return source
     if args.map is None:
         raise WayfixError("a recording needs to be told what its columns are", "--recording", "add --map MAP.toml")
     voyage = recording_voyage(args.recording, args.map, args.seed, args.seconds)

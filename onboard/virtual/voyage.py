@@ -4,6 +4,7 @@ import heapq
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,6 +13,7 @@ from common.simulation.measured import Measured
 from common.simulation.voyage import Voyage
 from common.units import NS_PER_MS, NS_PER_S, NS_PER_US
 from onboard.devices import Surroundings, make_encoder
+from onboard.recorded.line_times import BITS_PER_BYTE
 from onboard.virtual.baud_pacing import SerialLine
 from onboard.virtual.boat import LEAD_NS
 from onboard.virtual.voyage_files import TruthFile, placed
@@ -20,6 +22,10 @@ _HEAD: Final = """\
 for the voyage {name!r}; matches what its pseudo-terminals send.
 sigma_m is one number for both axes; a scenario's own noise may differ by axis and change under way.
 """
+
+
+LOOK_NS: Final = 20 * NS_PER_S
+"""Part of a voyage over which the load of a port is judged, ns."""
 
 
 class VoyageSource:
@@ -72,6 +78,17 @@ class VoyageSource:
             values = {name: value for name, value in asdict(first).items() if value is not None}
             record = {"kind": type(first).__name__, **values}
             yield SerialLine(t_ns + latency_ns, encoder.encode(timed.t_s, timed.reading), record)
+
+    def overloads(self) -> Iterator[str]:
+        """A sentence for each port that cannot carry its lines: they queue, and come later and later."""
+        for port in self._voyage.config.port:
+            lines = takewhile(lambda line: line.ready_ns < LOOK_NS, self._lines(port.name, 0, 0))
+            share = sum(len(line.data) for line in lines) * BITS_PER_BYTE * NS_PER_S / (port.baud * LOOK_NS)
+            if share > 1.0:
+                yield (
+                    f"{port.name}: {port.baud} baud carry {1.0 / share:.0%} of what its sensors send, so lines come "
+                    "later and later; raise baud or lower rate_hz"
+                )
 
     def started(self, directory: Path, start_ns: int) -> None:
         """Write the truth, whose times are boat times."""

@@ -12,7 +12,8 @@ from common.messages import Fix
 from common.simulation.measured import Measured
 from common.simulation.readings import FixReading
 from common.units import NS_PER_S
-from tests.simulate.test_encoders_read_back import AROUND, COMPANIONS, DRAWN, read_back
+from onboard.devices.driver import COMPANIONS
+from tests.simulate.test_encoders_read_back import AROUND, DRAWN, read_back
 
 COUNT = 400
 CONSTANT = ("alt_m", "pdop", "vdop", "fix_mode", "yaw_deg")
