@@ -53,6 +53,8 @@ class DemoOptions:
     seconds: float | None
     filters: tuple[str, ...]
     log_dir: Path | None
+    boat: Path | None = None
+    """File of the boat that sails; `None` = receiver, compass and IMU."""
     recording: Path | None = None
     mapping: Path | None = None
     headless: bool = False
@@ -206,6 +208,8 @@ class Demo:
     def _start(self, directory: Path) -> tuple[dict[str, Any], Link]:
         clock = ["--clock-rate", f"{self.options.speed:g}", "--clock-start", str(boottime_ns()), "--until-stdin-closes"]
         source = ["--scenario", self.options.scenario]
+        if self.options.boat is not None:
+            source += ["--boat", str(self.options.boat)]
         if self.options.recording is not None:
             source = ["--recording", str(self.options.recording), "--map", str(self.options.mapping)]
         length = [] if self.options.seconds is None else ["--seconds", f"{self.options.seconds:g}"]

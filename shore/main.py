@@ -59,7 +59,10 @@ def _add(commands: Any, name: str, words: str, add_arguments: Callable[[Any], No
 
 def _add_demo(commands: Any) -> None:
     demo = commands.add_parser("demo", help="a whole boat on this machine", description=_demo.__doc__)
-    demo.add_argument("--scenario", default="5.3", help="one of `wayfix lab list` (default 5.3: noise grows at 300 s)")
+    demo.add_argument(
+        "--scenario", default="5.3", help="one of `wayfix-onboard virtual --list` (default 5.3: noise grows at 300 s)"
+    )
+    demo.add_argument("--boat", type=Path, metavar="TOML", help="a boat's file: each of its sensors speaks")
     demo.add_argument("--recording", type=Path, metavar="CSV", help="play this recording instead of a scenario")
     demo.add_argument("--map", type=Path, metavar="TOML", help="columns of the recording (deploy/examples)")
     demo.add_argument("--seed", type=number(int, 0, 2**63), default=1, help="seed of all noise (default 1)")
@@ -92,6 +95,8 @@ def _demo(arguments: argparse.Namespace) -> int:
 
     if (arguments.recording is None) != (arguments.map is None):
         raise WayfixError("--recording and --map go together", cure="give both (deploy/examples/blueboat-map.toml)")
+    if arguments.recording is not None and arguments.boat is not None:
+        raise WayfixError("belongs to a scenario", "--boat", "leave out the recording")
     options = DemoOptions(
         scenario=arguments.scenario,
         seed=arguments.seed,
@@ -99,6 +104,7 @@ def _demo(arguments: argparse.Namespace) -> int:
         seconds=arguments.seconds,
         filters=filters_named(arguments.filters),
         log_dir=arguments.log,
+        boat=arguments.boat,
         recording=arguments.recording,
         mapping=arguments.map,
         headless=arguments.headless,

@@ -26,6 +26,8 @@ STYLES: Final[dict[str, dict[str, Any]]] = {
 DRAWN_FIRST: Final = ("kf", "fuzzy-thesis", "ukf", "fuzzy")
 INSET_M: Final = 45.0
 """Half width of the enlarged piece of track, m."""
+LEAST_TRACK_M = 4.0 * INSET_M
+"""A track that spans less is large enough as it is."""
 CORNERS: Final = ((0, 1), (1, 1), (0, 0), (1, 0))
 
 
@@ -63,19 +65,24 @@ def _draw_tracks(axes: Any, score: Score, frames: list[Frame], tracks: dict[str,
     fixes = [fix for frame in frames for fix in frame.fixes if fix.usable]
     points = np.array([plane.to_east_north_m(fix.lat_deg or 0.0, fix.lon_deg or 0.0) for fix in fixes]).reshape(-1, 2)
     truth = np.column_stack((score.reference.east_m, score.reference.north_m))
-    x, y = _emptiest_corner(np.vstack((points, truth)))
-    inset = axes.inset_axes((0.02 + x * 0.54, 0.02 + y * 0.56, 0.42, 0.40))
-    for axis in (axes, inset):
+    inset = None
+    if max(np.ptp(truth, axis=0)) > LEAST_TRACK_M:
+        x, y = _emptiest_corner(np.vstack((points, truth)))
+        inset = axes.inset_axes((0.02 + x * 0.54, 0.02 + y * 0.56, 0.42, 0.40))
+    for axis in (axes,) if inset is None else (axes, inset):
         axis.plot(*points.T, ".", color=STYLES["gps"]["color"], markersize=4, label="GPS fixes")
         axis.plot(*truth.T, label="truth", **STYLES["truth"])
         for name, track in tracks.items():
             axis.plot(*track.T, label=name, **STYLES.get(name, {}))
         axis.set_aspect("equal", adjustable="datalim" if axis is axes else "box")
-    centre = truth[len(truth) * 2 // 3]
-    inset.set(xlim=centre[0] + np.array((-INSET_M, INSET_M)), ylim=centre[1] + np.array((-INSET_M, INSET_M)))
-    inset.set(xticks=[], yticks=[])
-    axes.indicate_inset_zoom(inset, edgecolor="#555555")
-    axes.set(xlabel="east, m", ylabel="north, m", title=f"Tracks (enlarged: {2 * INSET_M:.0f} m)")
+    title = "Tracks"
+    if inset is not None:
+        centre = truth[len(truth) * 2 // 3]
+        inset.set(xlim=centre[0] + np.array((-INSET_M, INSET_M)), ylim=centre[1] + np.array((-INSET_M, INSET_M)))
+        inset.set(xticks=[], yticks=[])
+        axes.indicate_inset_zoom(inset, edgecolor="#555555")
+        title = f"Tracks (enlarged: {2 * INSET_M:.0f} m)"
+    axes.set(xlabel="east, m", ylabel="north, m", title=title)
     axes.grid(alpha=0.25)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=6, fontsize=9)
 
