@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
+from common.command import printable
 from common.settings import as_dict
 from common.toml_text import toml_lines
 from shore.settings.arguments import add_filter_arguments, add_settings
@@ -24,16 +25,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the settings. Raises WayfixError with every fault of the file."""
-    from shore.settings.station import settings_file, station_settings
+    from shore.settings.station import COMMAND_LINE, settings_file, station_settings
 
     settings = station_settings(arguments.settings, arguments.filters, arguments.step)
     file = settings_file(os.environ) if arguments.settings is None else arguments.settings
-    is_read = file is not None and file.name in settings.sources.values()
+    is_read = bool(set(settings.sources.values()) - {COMMAND_LINE})
     tell(f"# {file}" if is_read else f"# nothing is set in {file or 'a file: this user has no home directory'}")
     for line in lines_of(settings):
         tell(line)
     options = settings.as_options("limits", "display")
-    finish(arguments, {"file": str(file) if is_read else None, **options})
+    finish(arguments, {"file": printable(str(file)) if is_read else None, **options})
     return 0
 
 

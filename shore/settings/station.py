@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+from common.command import printable
 from common.errors import WayfixError
 from common.field_bounds import OneOf, Range, SomeOnce
 from common.messages import LEVELS
@@ -138,7 +139,8 @@ def _read(path: Path) -> StationSettings:
     data = load_toml(path)
     tables = convert(data, _Tables, str(path))
     keys = [f"{name}.{key}" for name, table in data.items() for key in table]
-    return StationSettings(tables.filter, tables.limits, tables.display, dict.fromkeys(keys, path.name))
+    name = printable(path.name)  # half a character would make the session record unreadable
+    return StationSettings(tables.filter, tables.limits, tables.display, dict.fromkeys(keys, name))
 
 
 def _by_command_line(settings: StationSettings, key: str, value: Any) -> StationSettings:

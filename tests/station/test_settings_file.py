@@ -276,6 +276,14 @@ def test_wayfix_settings_prints_a_file_with_sources(file: Path, here: Here) -> N
     assert answer["file"] == str(file)
 
 
+def test_a_name_that_is_no_text_does_no_harm_to_the_log(here: Here) -> None:
+    odd = here.directory / "\udcff\x1b.toml"
+    odd.write_bytes(STEPPED)
+    log = here.import_it("--settings", str(odd))
+    assert options_of(log)["settings"]["from"]["filter.names"] == r"\udcff\x1b.toml"
+    assert here.words_of("replay", log)[0] == 0
+
+
 def test_log_info_shows_what_was_set(file: Path, here: Here) -> None:
     log = here.import_it()
     assert "wayfix.toml" not in here.words_of("log", "info", log)[1]
