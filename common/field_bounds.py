@@ -34,6 +34,11 @@ class MaxLength:
 
 
 @dataclass(frozen=True, slots=True)
+class SomeOnce:
+    """A list of texts that holds at least one, and none twice."""
+
+
+@dataclass(frozen=True, slots=True)
 class OnlyFor:
     """A key of one use of a settings file that several programs read; in every other use it is unknown."""
 

@@ -12,13 +12,13 @@ import math
 import tomllib
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from common.errors import SettingsError
-from common.field_bounds import MaxLength, NeededFor, OneOf, OnlyFor, Range
+from common.field_bounds import MaxLength, NeededFor, OneOf, OnlyFor, Range, SomeOnce
 
 T = TypeVar("T")
 
@@ -30,14 +30,24 @@ def read_toml(path: str | Path, table: type[T], use: str | None = None) -> T:
 
     use: of a file that several programs read, see `OnlyFor` and `NeededFor` of `common.field_bounds`.
     """
+    return convert(load_toml(path), table, str(path), use=use)
+
+
+def load_toml(path: str | Path) -> dict[str, Any]:
+    """A TOML file as it is, with or without a byte order mark; raises SettingsError."""
     file = str(path)
     try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise SettingsError(file, [f"cannot be read ({error.strerror})"], "give the path of a readable file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        what = f"is not valid TOML: byte 0x{error.object[error.start]:02x} in line {line} is no UTF-8"
+        raise SettingsError(file, [what], "save it as UTF-8") from error
+    except RecursionError as error:
+        raise SettingsError(file, ["is not valid TOML: it is nested too deeply"]) from error
+    except ValueError as error:  # TOMLDecodeError, and what Python says of a whole number of thousands of digits
         raise SettingsError(file, [f"is not valid TOML: {error}"]) from error
-    return convert(data, table, file, use=use)
 
 
 def convert(
@@ -120,11 +130,14 @@ def _value(value: Any, hint: Any, where: str, faults: list[str], use: str | None
     if get_origin(hint) in (typing.Union, types.UnionType):
         return _value(value, next(arm for arm in get_args(hint) if arm is not type(None)), where, faults, use)
     if get_origin(hint) is tuple:
-        return _list(value, get_args(hint)[0], where, faults, use)
+        items = _list(value, get_args(hint)[0], where, faults, use)
+        if isinstance(value, list | tuple) and (fault := _bound_fault(value, bounds)):
+            faults.append(f"{where}: {fault}")
+        return items
     if dataclasses.is_dataclass(hint):
         return _table(value, typing.cast("type", hint), where, faults, use)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
+        value = _float(value)
     if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):
         faults.append(f"{where}: must be {_TYPE_WORDS[hint]}, got {value!r}")
         return None
@@ -132,6 +145,13 @@ def _value(value: Any, hint: Any, where: str, faults: list[str], use: str | None
     if fault:
         faults.append(f"{where}: {fault}")
     return value
+
+
+def _float(value: int) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def _list(value: Any, item_hint: Any, where: str, faults: list[str], use: str | None) -> tuple[Any, ...]:
@@ -155,9 +175,18 @@ def _bound_fault(value: Any, bounds: tuple[Any, ...]) -> str | None:
             return fault
         if isinstance(bound, OneOf) and value not in bound.choices:
             return f"must be one of {', '.join(bound.choices)}, got {value!r}"
+        if isinstance(bound, SomeOnce) and (fault := _once_fault(value)):
+            return fault
         if isinstance(bound, MaxLength) and len(value) > bound.count:
             return f"must be at most {bound.count} characters, got {len(value)}"
     return None
+
+
+def _once_fault(items: Sequence[object]) -> str | None:
+    if not items:
+        return "must hold at least one"
+    twice = next((item for number, item in enumerate(items) if item in items[:number]), None)
+    return None if twice is None else f"holds {twice!r} twice"
 
 
 def _entry(where: str, item: Any, number: int) -> str:
@@ -170,4 +199,5 @@ def _entry(where: str, item: Any, number: int) -> str:
 
 
 def _join(where: str, key: object) -> str:
-    return f"{where}.{key}" if where else f"{key}"
+    name = str(key) if str(key).isprintable() else repr(key)
+    return f"{where}.{name}" if where else name

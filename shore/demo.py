@@ -34,6 +34,7 @@ from shore.live.run import LiveRun, Options, StopFlag, Tally
 from shore.logbook.log_reader import read_log
 from shore.replay.frames import logged_config
 from shore.report.score import score_of
+from shore.settings.station import FilterSettings, StationSettings
 
 READY_S: Final = 20.0
 DRAIN_BOAT_S: Final = 1.0
@@ -234,7 +235,9 @@ class Demo:
     def _live(self, link: Link, directory: Path) -> tuple[Tally, Path]:
         assert self._virtual is not None
         try:
-            options = Options(filters=self.options.filters, log_dir=directory, until_end=True)
+            # The same on every machine: a demo reads no wayfix.toml.
+            settings = StationSettings(FilterSettings(self.options.filters))
+            options = Options(settings, log_dir=directory, until_end=True)
             say = (lambda _line: None) if self.options.headless else self._say
             live = LiveRun(link, options, self._supervise, say)
             with suppress(WayfixError):  # a child that is dead by now is found by `_supervise`; the log is closed

@@ -17,6 +17,7 @@ from shore.link.boat_command import add_arguments as add_boat_arguments
 from shore.link.pair_command import add_arguments as add_pair_arguments
 from shore.live.command import add_arguments as add_connect_arguments
 from shore.replay.command import add_arguments as add_replay_arguments
+from shore.settings.command import add_arguments as add_settings_arguments
 from shore.terminal import add_json, filters_named, finish, say
 from shore.trips.arguments import add_arguments as add_log_arguments
 
@@ -47,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     _add(commands, "lab", "scenarios x filters x runs", add_lab_arguments, _lab)
     _add(commands, "boat", "ask a boat's daemon: status, reopen, mark", add_boat_arguments, _boat)
     _add(commands, "pair", "learn a boat's key, once", add_pair_arguments, _pair)
+    _add(commands, "settings", "what wayfix.toml sets, and the defaults", add_settings_arguments, _settings)
     return parser
 
 
@@ -166,6 +168,13 @@ def _pair(arguments: argparse.Namespace) -> int:
 def _boat(arguments: argparse.Namespace) -> int:
     """Ask a boat's daemon for something; it is an event in every log. Needs the right `command` (docs/security.md)."""
     from shore.link.boat_command import run
+
+    return run(arguments)
+
+
+def _settings(arguments: argparse.Namespace) -> int:
+    """The station's settings as a wayfix.toml holds them, each with its source: default, file, command line."""
+    from shore.settings.command import run
 
     return run(arguments)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from common.command import number, printable
+from common.command import printable
 from common.errors import WayfixError
 
 
@@ -39,18 +39,6 @@ def finish(arguments: argparse.Namespace, summary: dict[str, Any]) -> None:
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add `--json`."""
     parser.add_argument("--json", action="store_true", help="last line of stdout is one JSON object")
-
-
-def add_filter_arguments(parser: argparse.ArgumentParser, default: str | None) -> None:
-    """Add `--filters` and `--step`; default `None` = those of the live run."""
-    shown = default or "those of the live run"
-    parser.add_argument("--filters", default=default, help=f"comma-separated, the first leads (default {shown})")
-    parser.add_argument(
-        "--step",
-        type=number(float, 0.05, 60.0),
-        metavar="SECONDS",
-        help="synchronous steps (the thesis' Fig. 3.14), 0.05 to 60",
-    )
 
 
 def filters_named(text: str) -> tuple[str, ...]:

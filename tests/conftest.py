@@ -2,6 +2,7 @@
 
 import os
 import signal
+from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,8 +17,11 @@ WHY_NO_TERMINALS = pytest.StashKey[str | None]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Each process that runs tests has pseudo-terminals of its own, where it may."""
+    """Each process that runs tests has pseudo-terminals of its own, where it may, and nobody's settings."""
     config.stash[WHY_NO_TERMINALS] = own_terminals.take()
+    nowhere = TemporaryDirectory(prefix="wayfix-tests-")
+    config.add_cleanup(nowhere.cleanup)
+    os.environ["XDG_CONFIG_HOME"] = nowhere.name
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:

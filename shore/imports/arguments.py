@@ -6,9 +6,9 @@ from typing import Final
 
 from common.command import number
 from shore.logbook.trip_arguments import add_trip_arguments
+from shore.settings.arguments import add_filter_arguments, add_settings
 from shore.terminal import add_json
 
-DEFAULT_FILTERS: Final = "fuzzy"
 DESCRIPTION: Final = (
     "Make a log of a recording: NMEA and other serial recordings (up to 128 MiB), frames files, gpsd JSON, Signal K "
     "deltas and server logs, CSV with a mapping. Told by its content. Exit code 1: nothing in it could be used."
@@ -35,10 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="pace of a recording without times inside (default: as fast as the baud rate; JSON: one a second)",
     )
-    parser.add_argument(
-        "--filters",
-        default=DEFAULT_FILTERS,
-        help=f"comma-separated, the first leads; none = frames only (default {DEFAULT_FILTERS})",
-    )
+    add_settings(parser, ": [filter]")
+    add_filter_arguments(parser, "those of the settings, else fuzzy", "; none = frames only")
     add_trip_arguments(parser)
     add_json(parser)

@@ -12,7 +12,8 @@ from shore.imports.log_maker import Written
 from shore.imports.recognise import RecordingKind, recognise
 from shore.imports.run import ImportOptions, Job, imported
 from shore.logbook.session import trip_record
-from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
+from shore.settings.station import FRAMES_ONLY, StationSettings, station_settings
+from shore.terminal import every_end_is_ctrl_c, finish, say, tell
 
 NO_FILTERS: Final = "none"
 
@@ -22,11 +23,11 @@ def run(arguments: argparse.Namespace) -> int:
     check_target(arguments.out, [path for path in (arguments.recording, arguments.map) if path], "give another OUT")
     if os.path.lexists(arguments.out):
         raise WayfixError("exists already", str(arguments.out), "give another OUT, or remove it first")
-    filters = () if arguments.filters.strip() == NO_FILTERS else filters_named(arguments.filters)
+    settings = _settings(arguments)
     kind = recognise(arguments.recording, has_map=arguments.map is not None, is_serial=arguments.config is not None)
     _check_options(arguments, kind)
     say(f"{arguments.recording}: {kind}")
-    job = Job(arguments.recording, arguments.out, _options(arguments, filters), kind)
+    job = Job(arguments.recording, arguments.out, _options(arguments, settings), kind)
     try:
         with every_end_is_ctrl_c():
             done, written = imported(job)
@@ -37,9 +38,15 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if done else 1
 
 
-def _options(arguments: argparse.Namespace, filters: tuple[str, ...]) -> ImportOptions:
+def _settings(arguments: argparse.Namespace) -> StationSettings:
+    if (arguments.filters or "").strip() == NO_FILTERS:
+        return FRAMES_ONLY
+    return station_settings(arguments.settings, arguments.filters, arguments.step)
+
+
+def _options(arguments: argparse.Namespace, settings: StationSettings) -> ImportOptions:
     return ImportOptions(
-        filters=filters,
+        settings=settings,
         trip=trip_record(arguments.name, arguments.place, arguments.note),
         map=arguments.map,
         config=arguments.config,
@@ -88,7 +95,7 @@ def _told(job: Job, written: Written, *, is_written: bool) -> dict[str, Any]:
     if is_written:
         held = ", ".join(f"{name} {count}" for name, count in sorted(written.measurements.items()))
         tell(f"{job.out}: {written.frames} frames, {written.seconds:.1f} s from {began or 'an unknown date'}: {held}")
-        if filters := job.options.filters:
+        if filters := job.options.settings.filter.names:
             tell(f"estimates of {', '.join(filters)}: {written.estimates.total()}; aligned {written.aligned}")
     else:
         say(f"{job.source}: nothing in it could be used, {job.out} was not written")

@@ -15,6 +15,7 @@ from common.settings import convert
 from shore.logbook.schemas import SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
+from shore.settings.station import StationSettings
 from shore.watchers.log import WholeLog
 from shore.watchers.watcher import Arrival, RunSeconds, Start, Step, Watcher, Watchers
 
@@ -71,14 +72,15 @@ class ImportCounts(Watcher):
 class LogMaker:
     """An import as a source of steps: the frames of a recording go to the filters and into a log."""
 
-    def __init__(self, greeting: dict[str, Any], filters: tuple[str, ...], offset_ns: int | None) -> None:
-        """offset_ns: UTC less boat time; without it, everything stands at its boat time after 1970."""
+    def __init__(self, greeting: dict[str, Any], settings: StationSettings, offset_ns: int | None) -> None:
+        """No filter in `settings` = frames only. offset_ns: UTC less boat time; `None` = all is at its boat time."""
         self._greeting = greeting
-        self._filters = filters
+        self._settings = settings
         self._offset_ns = offset_ns
         self._config = convert(greeting["config"], BoatConfig, "configuration of the boat", strict=False)
-        self._pipeline = Pipeline(self._config, filters) if filters else None
-        self._counts = ImportCounts(filters)
+        asked = settings.filter
+        self._pipeline = Pipeline(self._config, asked.names, asked.step_s) if asked.names else None
+        self._counts = ImportCounts(asked.names)
 
     @property
     def written(self) -> Written:
@@ -127,7 +129,7 @@ class LogMaker:
     def _begin(self, watchers: Watcher, frame: Frame, trip: dict[str, Any] | None) -> Start:
         begin_ns = self._log_time_ns(frame) - (frame.t1_ns - frame.t0_ns)
         self.written.utc_ns = None if self._offset_ns is None else begin_ns
-        options = {"filters": list(self._filters), "step_s": None, "frames": None, "period_s": None}
+        options = {**self._settings.as_options(), "frames": None, "period_s": None}
         start = Start(start_record(self._greeting, options, max(0, begin_ns)), self._config)
         watchers.begin(start, begin_ns)
         if trip is not None:

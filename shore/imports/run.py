@@ -28,6 +28,7 @@ from shore.imports.recognise import RecordingKind
 from shore.imports.record_times import NO_TIME, Plan
 from shore.imports.recording_date import utc_offset_ns
 from shore.imports.signalk import SELF, SignalKReader, own_contexts
+from shore.settings.station import FRAMES_ONLY, StationSettings
 from shore.terminal import say
 
 PACE_HZ: Final = 1.0
@@ -38,8 +39,8 @@ PACE_HZ: Final = 1.0
 class ImportOptions:
     """What an import was asked for."""
 
-    filters: tuple[str, ...] = ()
-    """Names of the filters, the first leads; empty = the log holds frames only."""
+    settings: StationSettings = FRAMES_ONLY
+    """Settings of the station; without a filter in them the log holds frames only."""
     trip: dict[str, Any] | None = None
     """Name, place and note of the trip (`trip_record`); `None` = none was given."""
     map: Path | None = None
@@ -167,7 +168,7 @@ def _from_frames_file(
 
         if job.kind is RecordingKind.FRAMES:
             job.accounts = (account,)
-        maker = LogMaker(file.greeting, job.options.filters, offset_ns)
+        maker = LogMaker(file.greeting, job.options.settings, offset_ns)
         done = maker.write(job.out, _shown(taken(), "filtering", count), job.options.trip, job.record)
     return done, maker.written
 
@@ -200,7 +201,7 @@ def _from_reader(job: Job, make: Callable[[Callable[[int], None] | None], Record
             f"the clock was set on the way: {plan.misdated} records bear another date; they keep their intervals, "
             "and their UTC is reckoned from the others"
         )
-    maker = LogMaker(greeting, job.options.filters, -plan.shift_of_date_ns if is_utc else None)
+    maker = LogMaker(greeting, job.options.settings, -plan.shift_of_date_ns if is_utc else None)
     with _bytes_shown("importing", size) as progress:
         second = make(progress)
         second.sources = first.sources

@@ -14,6 +14,7 @@ from common.errors import WayfixError
 from common.key_list import Entry, entries_of, name_fault, with_entry, without
 from common.keys import TRUSTED, KeyPair, own_keys, raw_key, read_own, write_own
 from shore.link.transport import LinkKeys
+from shore.settings.place import config_directory
 
 LIST_LIMIT_BYTES: Final = 262_144
 MAX_ADDRESS: Final = 128
@@ -32,13 +33,12 @@ class Boat:
 
 
 def directory_of(given: Path | None, environ: Mapping[str, str]) -> Path:
-    """Directory where keys are kept."""
+    """Directory where keys are kept. Raises WayfixError when it is not given and the user has no home."""
     if given is not None:
         return given
     if named := environ.get("WAYFIX_KEYS"):
         return Path(named)
-    config = environ.get("XDG_CONFIG_HOME", "")
-    return (Path(config) if Path(config).is_absolute() else Path.home() / ".config") / "wayfix"
+    return config_directory(environ)
 
 
 class Boats:

@@ -186,10 +186,9 @@ class Link:
         self._machine.move(self._now_ns())
         self._transport.open(self.endpoint)
 
-    def silent_s(self) -> float | None:
-        """Seconds without a word from the board once that is too long, else None."""
-        silent_ns = self._machine.silent_ns(self._now_ns())
-        return None if silent_ns is None else silent_ns / NS_PER_S
+    def silent_s(self) -> float:
+        """Seconds without a word from the board."""
+        return self._machine.silent_ns(self._now_ns()) / NS_PER_S
 
     def close(self) -> None:
         """Say goodbye and close; safe to call twice."""

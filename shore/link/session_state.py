@@ -25,7 +25,8 @@ Rules in the table: which state follows. Rules in code, since they need times an
   connection, after the greeting and when half a window has come, and earlier than usual after `ask_soon`.
 - An alarm (`silent_ns`) counts from the last word, whatever the state: a loss that heals in time is not worth a line.
 
-The times below lean on each other: RENEW < WATCHDOG < LOST < the board's memory of a lease (5 s).
+The times below lean on each other: RENEW < WATCHDOG < alarm (3 s, [limits] link_lost_s) < the board's memory of a lease
+(5 s).
 """
 
 from enum import Enum, auto
@@ -43,9 +44,6 @@ LONGEST_WATCHDOG_NS: Final = 6_000 * NS_PER_MS
 """Last limit of the watchdog's back-off, ns. The case: a far radio with a round trip of more than 0.2 s. An encrypted
 greeting takes some seven round trips, so 1.5 s ended each of them just before it was done, for ever. 6 s carry 0.8
 s; 0.5 s is tested."""
-LOST_NS: Final = 3 * NS_PER_S
-"""Silence after which a person is alarmed, ns: twice the watchdog, because one connection that had to be replaced is no
-news. No field case is on record."""
 RENEW_NS: Final = int(session.RENEW_S * NS_PER_S)
 """Interval of leases, ns: four a second of 150 bytes. The case: 1 Mbit/s shared with the frames, where an
 acknowledgement that could be lost stopped the stream after 8 s of outage; the board forgets a station only after
@@ -195,10 +193,9 @@ class LinkMachine:
         """The next lease has something to say: it is due before its time."""
         self._pause_ns = URGENT_NS
 
-    def silent_ns(self, now_ns: int) -> int | None:
-        """How long the board has not been heard, once that is worth an alarm; else None."""
-        age_ns = now_ns - self.heard_ns
-        return age_ns if age_ns > LOST_NS else None
+    def silent_ns(self, now_ns: int) -> int:
+        """How long the board has not been heard."""
+        return now_ns - self.heard_ns
 
     def _follow(self, trigger: Trigger) -> None:
         after = TRANSITIONS[self.state].get(trigger)

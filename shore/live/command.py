@@ -9,13 +9,13 @@ from common.errors import LinkError, NoAnswerError, WayfixError
 from common.link_messages import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
 from shore.link.choose_boat import Seeker, add_meeting_arguments, link_to, looker, meet
 from shore.logbook.trip_arguments import add_trip_arguments
-from shore.terminal import add_filter_arguments, add_json, filters_named, finish, say
+from shore.settings.arguments import add_filter_arguments, add_settings
+from shore.terminal import add_json, finish, say
 
 if TYPE_CHECKING:
     from shore.link.known_boats import Boats
     from shore.live.run import Options, Tally
 
-DEFAULT_FILTERS: Final = "fuzzy"
 WAIT_S: Final = 30.0
 """Time-out of one greeting with --wait, s: over a bad radio it takes long."""
 
@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
     add_trip_arguments(parser)
-    add_filter_arguments(parser, DEFAULT_FILTERS)
+    add_settings(parser)
+    add_filter_arguments(parser, "those of the settings, else fuzzy")
     add_json(parser)
 
 
@@ -91,16 +92,17 @@ def _options(arguments: argparse.Namespace) -> "Options":
     from shore.link.link import CONNECT_TIMEOUT_S
     from shore.live.run import Options
     from shore.logbook.session import trip_record
+    from shore.settings.station import station_settings
 
     if arguments.period is not None and arguments.frames is None:
         raise WayfixError("--period needs --frames", cure="give --frames M too, or leave --period out")
     period_s = 1.0 if arguments.frames is not None and arguments.period is None else arguments.period
-    filters = filters_named(arguments.filters)
+    settings = station_settings(arguments.settings, arguments.filters, arguments.step)
     trip = trip_record(arguments.name, arguments.place, arguments.note)
     if trip is not None and arguments.log is None:
         raise WayfixError("a name, place or note is kept in a log", "--name", "give --log DIR too")
     connect_s = WAIT_S if arguments.wait else CONNECT_TIMEOUT_S
-    return Options(filters, arguments.frames, period_s, arguments.step, arguments.log, trip, connect_s)
+    return Options(settings, arguments.frames, period_s, arguments.log, trip, connect_s)
 
 
 def _exit_code(tally: "Tally", options: "Options", *, is_stopped: bool) -> int:

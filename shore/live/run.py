@@ -3,11 +3,11 @@
 import logging
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from common.boat_config import BoatConfig
 from common.clock import boottime_ns
@@ -27,24 +27,21 @@ from shore.live.log import LiveLog
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
+from shore.settings.station import DEFAULTS, StationSettings
 from shore.watchers.say import SayEvents
 from shore.watchers.status import StatusLine
 from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step, Watchers
 
 log = logging.getLogger(__name__)
 
-SLOW_DISK_S: Final = 5.0
-"""Duration of one sync after which a person is warned, s."""
-
 
 @dataclass(frozen=True, slots=True)
 class Options:
     """What a live run was asked for."""
 
-    filters: Sequence[str]
+    settings: StationSettings = DEFAULTS
     frames: int | None = None
     period_s: float | None = None
-    step_s: float | None = None
     log_dir: Path | None = None
     trip: dict[str, Any] | None = None
     """Name, place and note of the trip (`trip_record`); `None` = none was given."""
@@ -121,8 +118,9 @@ class LiveRun:
         cursor = Cursor(directory, boat_id, say) if directory is not None and options.frames is None else None
         self._ledger = Ledger() if cursor is None else cursor.ledger
         self._log = LiveLog(directory, boat_id, cursor, say)
-        self._status = StatusLine(options.filters[0], say)
-        self._watchers = Watchers(self._log, SayEvents(say), self._status)
+        settings = options.settings
+        self._status = StatusLine(settings.filter.names[0], say, settings)
+        self._watchers = Watchers(self._log, SayEvents(say, settings), self._status)
         self._loss = LinkLoss()
         self._seconds = RunSeconds()
         self._is_disk_slow = False
@@ -166,14 +164,14 @@ class LiveRun:
         """Take the board's facts from its greeting; the filters start again."""
         self._connected = connected
         self._config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
-        self._pipeline = Pipeline(self._config, self._options.filters, self._options.step_s)
+        asked = self._options.settings.filter
+        self._pipeline = Pipeline(self._config, asked.names, asked.step_s)
 
     def _begin_session(self) -> None:
         """What comes from here on belongs to the configuration that was adopted last."""
         options, now_ns = self._options, time.time_ns()
         asked = {
-            "filters": list(options.filters),
-            "step_s": options.step_s,
+            **options.settings.as_options("limits", "display"),
             "frames": options.frames,
             "period_s": options.period_s,
         }
@@ -271,17 +269,19 @@ class LiveRun:
 
     def _each_second(self) -> None:
         self._log.checkpoint()  # first: a fault of the disk belongs into this second's line
-        is_slow = self._log.behind_s > SLOW_DISK_S
+        limits = self._options.settings.limits
+        is_slow = self._log.behind_s > limits.log_behind_s
         if is_slow and not self._is_disk_slow:  # once, until the disk has caught up
             self._happened(event("log-behind", self._t_ns, "log", age_s=round(self._log.behind_s, 1)))
         self._is_disk_slow = is_slow
         silent_s, now_ns = self._link.silent_s(), boottime_ns()
-        if silent_s is None:
+        is_lost = silent_s > limits.link_lost_s
+        if not is_lost:
             self._happened(self._loss.heard(self._ledger.missing_count, self.tally.received, self._t_ns))
         else:
             self._happened(self._loss.silent(silent_s, now_ns, self._t_ns))
-        self._watchers.each_second(self._state(None if silent_s is None else self._loss.lost_s(now_ns)))
-        if silent_s is not None:
+        self._watchers.each_second(self._state(self._loss.lost_s(now_ns) if is_lost else None))
+        if is_lost:
             self._follow()
 
     def _follow(self) -> None:

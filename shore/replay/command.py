@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from common.command import number
 from common.errors import WayfixError
-from shore.terminal import add_filter_arguments, add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
+from shore.settings.arguments import add_filter_arguments, add_settings
+from shore.terminal import add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
 
 if TYPE_CHECKING:
     from shore.replay.comparison import Counts
@@ -50,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--record", type=Path, metavar="OUT.mcap", help="write a new log: the same frames, the new estimates and events"
     )
-    add_filter_arguments(parser, None)
+    add_settings(parser, ": [limits] and [display], for --speed; filters and step are the log's")
+    add_filter_arguments(parser, "those of the log")
     add_json(parser)
 
 
@@ -84,6 +86,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_target(arguments.record, inputs, "choose another --record file")
         if arguments.record == arguments.smooth:
             raise WayfixError("--record and --smooth name one file", str(arguments.record), "give two names")
+    if arguments.settings and not arguments.speed:
+        raise WayfixError("--settings needs --speed", cure="give --speed X too: without it, nothing of them is read")
     replay = Replay(arguments.log, filters, arguments.step, arguments.order, span_of(arguments))
     with every_end_is_ctrl_c():
         looked = Looked(arguments, replay)
@@ -140,7 +144,7 @@ class Looked:
         try:
             with ExitStack() as stack:
                 if pace is not None:
-                    watchers += _shown(replay.filters[0])
+                    watchers += _shown(arguments.settings, replay.filters[0])
                 elif (progress := stack.enter_context(_progress("replaying"))) is not None:
                     watchers.append(progress)
                 if arguments.record is not None:
@@ -170,12 +174,14 @@ class Looked:
             yield estimate
 
 
-def _shown(name: str) -> "list[Watcher]":
+def _shown(settings_file: Path | None, name: str) -> "list[Watcher]":
     """What a live run says: events as they come, a status line each second."""
+    from shore.settings.station import station_settings
     from shore.watchers.say import SayEvents
     from shore.watchers.status import StatusLine
 
-    return [SayEvents(say), StatusLine(name, say)]
+    settings = station_settings(settings_file)
+    return [SayEvents(say, settings), StatusLine(name, say, settings)]
 
 
 def _empty(arguments: argparse.Namespace, replay: "Replay") -> tuple[str, str, str]:

@@ -75,13 +75,16 @@ class Replay:
         order: str = "arrival",
         span: Span | None = None,
     ) -> None:
-        """Filters and step default to those of the live run. Raises WayfixError: no log, no configuration, filters."""
+        """Filters and step default to those of the live run; a step of 0 is none at all.
+
+        Raises WayfixError: no log, no configuration, filters.
+        """
         self.reader = read_log(path)
         self.source = Frames(self.reader, order, span)
         options = self.source.start.options
         live, live_step_s = tuple(options.get("filters") or ()), options.get("step_s")
         self.filters = tuple(filters or live)
-        self.step_s = live_step_s if step_s is None else step_s
+        self.step_s = live_step_s if step_s is None else step_s or None
         self.order = order
         self.frames = 0
         self.estimates = 0
@@ -165,7 +168,7 @@ class Replay:
     def _as_replayed(self, start: Start, t_ns: int) -> Start:
         """The session as a new log says it: which filters ran now, and over which log."""
         asked = {
-            **start.options,
+            **{name: value for name, value in start.options.items() if name != "settings"},  # the live run's own
             "filters": list(self.filters),
             "step_s": self.step_s,
             "order": self.order,

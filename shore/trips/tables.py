@@ -202,6 +202,8 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     yield "filters", ", ".join(map(str, summary.get("filters") or ())) or "none"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
     start = result.starts[-1] if result.starts else {}
+    if settings := _settings(_part(start, "options")):
+        yield "settings", settings
     for label, versions in (("station", start.get("versions")), ("board", _part(start, "connected").get("versions"))):
         if isinstance(versions, dict) and versions:
             yield label, ", ".join(f"{name} {version}" for name, version in versions.items())
@@ -209,6 +211,18 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     if recovered:
         count = len(recovered.get("losses", ()))
         yield "recovered", f"from {recovered.get('from')}, which lost {_plural(count, 'stretch', 'stretches')}"
+
+
+def _settings(options: dict[str, Any]) -> str:
+    """What was set for the run, and by which file, or the command line."""
+    tables = _part(options, "settings")
+    values = {"filter": {"names": ",".join(map(str, options.get("filters") or ())), "step_s": options.get("step_s")}}
+    told = []
+    for key, source in _part(tables, "from").items():
+        table, _, name = key.partition(".")
+        value = _part(values | tables, table).get(name)
+        told.append(f"{key} {'none' if value is None else value} ({source})")
+    return ", ".join(told)
 
 
 def _sailed(summary: dict[str, Any], fixes_area: tuple[float, float, float, float] | None) -> str:

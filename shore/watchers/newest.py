@@ -8,10 +8,10 @@ from common.messages import Fix, Frame, Heading
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Output
+from shore.settings.station import DEFAULTS, LimitSettings
 
 _QUALITY: Final = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
 """Names of the GGA qualities of fixes that are fused."""
-STALE_ESTIMATE_S: Final = 2.0
 
 _Item = TypeVar("_Item")
 
@@ -27,9 +27,10 @@ class Age(NamedTuple):
 class Newest:
     """Takes frames in any order: one from before a reboot of the board, or a backfilled one, replaces nothing newer."""
 
-    def __init__(self, config: BoatConfig, shown_filter: str) -> None:
+    def __init__(self, config: BoatConfig, shown_filter: str, limits: LimitSettings = DEFAULTS.limits) -> None:
         self._config = config
         self.filter = shown_filter
+        self._limits = limits
         self._start: BoatStart | None = None
         self._forget()
 
@@ -66,7 +67,7 @@ class Newest:
     def age_of_estimate(self, estimate: Estimate) -> Age:
         """Age of an estimate, which each frame should bring."""
         age_s = self._age_s(estimate.t_ns)
-        return Age(age_s, age_s > STALE_ESTIMATE_S)
+        return Age(age_s, age_s > self._limits.estimate_stale_s)
 
     def _age_s(self, t_ns: int) -> float:
         return (self.t_ns - t_ns) / NS_PER_S

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from math import hypot
 
+from shore.settings.station import DEFAULTS, StationSettings
 from shore.watchers.newest import Age, Newest, quality_of
 from shore.watchers.watcher import SourceState, Start, Step, Watcher
 
@@ -10,15 +11,16 @@ from shore.watchers.watcher import SourceState, Start, Step, Watcher
 class StatusLine(Watcher):
     """Remembers the newest of everything, and says a line of it each second."""
 
-    def __init__(self, shown_filter: str, say: Callable[[str], None]) -> None:
+    def __init__(self, shown_filter: str, say: Callable[[str], None], settings: StationSettings = DEFAULTS) -> None:
         self._filter = shown_filter
         self._say = say
+        self._settings = settings
         self.newest: Newest | None = None
         """The newest values; `None` before the session began."""
 
     def begin(self, start: Start, t_ns: int) -> None:
         """Forget everything when the configuration is another one."""
-        self.newest = Newest(start.config, self._filter)
+        self.newest = Newest(start.config, self._filter, self._settings.limits)
 
     def take(self, step: Step) -> None:
         """Take one frame, in any order."""
@@ -26,8 +28,8 @@ class StatusLine(Watcher):
             self.newest.take(step.frame, step.output)
 
     def each_second(self, now: SourceState) -> None:
-        """Print the line."""
-        if self.newest is not None:
+        """Print the line, where one is wanted."""
+        if self.newest is not None and self._settings.display.status_line:
             self._say(status_text(self.newest, now))
 
 

@@ -25,6 +25,7 @@ from shore.logbook.log_reader import read_log
 from shore.logbook.log_writer import log_at
 from shore.navigation.estimate import Estimate
 from shore.replay.run import Replay
+from shore.settings.station import FilterSettings, StationSettings
 from tests import offline
 from tests.offline import frames_of
 from tests.recordings import BLUEBOAT_235, BLUEBOAT_MAP
@@ -77,8 +78,8 @@ class FakeLink:
     def ask_soon(self) -> None:
         pass
 
-    def silent_s(self) -> float | None:
-        return 4.0 if self._silences else None
+    def silent_s(self) -> float:
+        return 4.0 if self._silences else 0.0
 
 
 def live(
@@ -88,7 +89,8 @@ def live(
     now_ns = count(10**12, 25_000_000)
     monkeypatch.setattr("shore.live.run.boottime_ns", lambda: next(now_ns))
     link = cast("Link", FakeLink(config, items))
-    run = LiveRun(link, Options(filters, log_dir=directory, until_end=True), lambda: False, lambda _line: None)
+    options = Options(StationSettings(FilterSettings(tuple(filters))), log_dir=directory, until_end=True)
+    run = LiveRun(link, options, lambda: False, lambda _line: None)
     run.run()
     assert run.log_path is not None
     return run.log_path

@@ -21,10 +21,13 @@ from shore.logbook.log_writer import LogWriter
 from shore.logbook.schemas import LINK, SESSION
 from shore.pipeline import Output, Pipeline
 from shore.replay.run import Replay
+from shore.settings.station import FilterSettings, StationSettings
 from shore.watchers.log import WholeLog
 from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step, Watcher, Watchers
 from tests.navigate.voyages import BOAT
 from tests.station.logs import OTHER, UTC_NS, log_of, session, without_none
+
+UKF = StationSettings(FilterSettings(("ukf",)))
 
 
 class Seen(Watcher):
@@ -85,8 +88,8 @@ class Board:
     def ask_soon(self) -> None:
         pass
 
-    def silent_s(self) -> None:
-        return None
+    def silent_s(self) -> float:
+        return 0.0
 
 
 def test_several_watchers_see_the_same_in_their_order(voyage: list[Frame]) -> None:
@@ -120,13 +123,13 @@ def test_an_empty_replay_has_no_begin_and_no_end(tmp_path: Path) -> None:
 
 def test_live_replay_and_import_of_the_same_frames_make_the_same_steps(tmp_path: Path, voyage: list[Frame]) -> None:
     frames = voyage[:80]
-    options = Options(("ukf",), log_dir=tmp_path / "live", until_end=True)
+    options = Options(UKF, log_dir=tmp_path / "live", until_end=True)
     run = LiveRun(cast("Link", Board(frames)), options, lambda: False, lambda _line: None)
     run.run()
     assert run.log_path is not None
     live = Seen()
     Replay(run.log_path).run(live)
-    maker = LogMaker({"config": without_none(asdict(BOAT))}, ("ukf",), None)
+    maker = LogMaker({"config": without_none(asdict(BOAT))}, UKF, None)
     assert maker.write(tmp_path / "imported.mcap", map(encode_frame, frames), None, dict)
     imported = Seen()
     Replay(tmp_path / "imported.mcap").run(imported)
@@ -149,7 +152,7 @@ def test_the_log_of_a_live_run_holds_the_frame_that_the_filters_broke_on(
         return Output()
 
     monkeypatch.setattr(Pipeline, "push", broken)
-    options = Options(("ukf",), log_dir=tmp_path, until_end=True)
+    options = Options(UKF, log_dir=tmp_path, until_end=True)
     run = LiveRun(cast("Link", Board(voyage[:10])), options, lambda: False, lambda _line: None)
     with pytest.raises(ZeroDivisionError):
         run.run()
@@ -189,7 +192,7 @@ def test_seconds_of_a_run_go_on_over_a_reboot_of_the_board(voyage: list[Frame]) 
 def test_an_import_without_a_frame_opens_no_log(tmp_path: Path) -> None:
     out = tmp_path / "out.mcap"
     out.write_bytes(b"somebody's")
-    maker = LogMaker({"config": without_none(asdict(BOAT))}, ("ukf",), None)
+    maker = LogMaker({"config": without_none(asdict(BOAT))}, UKF, None)
     assert not maker.write(out, [b"no frame"], None, dict)
     assert maker.written.bad == 1
     assert out.read_bytes() == b"somebody's"
@@ -202,7 +205,7 @@ def test_a_fault_of_the_disk_is_in_the_status_line_of_the_same_second(
     now_ns = count(10**12, 100_000_000)
     monkeypatch.setattr("shore.live.run.boottime_ns", lambda: next(now_ns))
     said: list[str] = []
-    options = Options(("ukf",), log_dir=tmp_path, until_end=True)
+    options = Options(UKF, log_dir=tmp_path, until_end=True)
     run = LiveRun(cast("Link", Board(voyage[:40])), options, lambda: False, said.append)
     monkeypatch.setattr("shore.logbook.log_writer.LogWriter.flush", full_disk)
     run.run()
