@@ -63,7 +63,7 @@ def in_log(frames: list[Frame]) -> dict[str, list[tuple[Any, ...]]]:
     return found
 
 
-def f32(value: float) -> float:
+def f32(value: Any) -> float:
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
