@@ -1,6 +1,7 @@
 """A scenario: a mission, what moves the boat, what its sensors do, what its filter assumes; and variants of one."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -71,10 +72,8 @@ class Scenario:
         return self.assumed.facts(is_calibrated=self.bias == "removed" and not drifts)
 
     def truth(self) -> Truth:
-        """Sail it: the same each time."""
-        if isinstance(self.mission, Manoeuvres):
-            return follow(self.mission)
-        return sail(self.mission, self.current)
+        """Sail it: the same each time, so its columns cannot be written to."""
+        return _sailed(self.mission, self.current)
 
     def works(self, sensor: Sensor, t_s: Array) -> npt.NDArray[np.bool_]:
         """Whether the sensor gives something at each time (bool): not within an outage."""
@@ -83,6 +82,15 @@ class Scenario:
             if outage.sensor == sensor:
                 given &= (t_s < outage.from_s) | (t_s >= outage.from_s + outage.length_s)
         return given
+
+
+@lru_cache(maxsize=16)
+def _sailed(mission: Mission | Manoeuvres, current: VectorField) -> Truth:
+    """One voyage for all seeds of a scenario, and for its variants that differ in noise alone."""
+    truth = follow(mission) if isinstance(mission, Manoeuvres) else sail(mission, current)
+    for column in fields(Truth):
+        getattr(truth, column.name).flags.writeable = False
+    return truth
 
 
 def with_outage(scenario: Scenario, from_s: float, length_s: float, sensor: Sensor = "gps1") -> Scenario:
