@@ -5,16 +5,17 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
-# Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to the others. All others start
-# real programs and wait for them most of the time: several workers, each with pseudo-terminals of its own, which needs root
-# (tests/own_terminals.py). Marked `alone` is what judges processor time or delays.
+# Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to all others at once
+# (tests/give_way.py). All others start real programs and wait for them most of the time: several workers, each with
+# pseudo-terminals of its own, which needs root (tests/own_terminals.py); then, one by one, those marked `alone`, which
+# judge processor time or delays.
 PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
 REAL := $(addprefix tests/,floor link service system)
 # Of the pure ones, those that can differ from Python to Python: argparse, files, warnings, the libraries of exports.
 DIFFERING := $(addprefix tests/,layout messages station)
 TOGETHER := $(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target
 
-.PHONY: demo test test-slow fast differing differing-pure fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
+.PHONY: demo test test-slow fast differing differing-pure lint-and-fast-pure fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
 
 help:
 	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
@@ -35,9 +36,11 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt | check-python
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
 	@touch $@
 
-$(VENV)/dev.stamp: $(VENV)/run.stamp
+# It holds what run.stamp stands for: one installation, not two.
+$(VENV)/dev.stamp: pyproject.toml constraints.txt | check-python
+	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS),dev]'
-	@touch $@
+	@touch $(VENV)/run.stamp $@
 
 demo: $(VENV)/run.stamp
 	$(BIN)/wayfix demo --log demo-out --json
@@ -48,32 +51,35 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint
-	@$(MAKE) --no-print-directory fast
+test: $(VENV)/dev.stamp
+	@$(TOGETHER) lint-and-fast-pure fast-real
 
 fast: $(VENV)/dev.stamp
 	@$(TOGETHER) fast-pure fast-real
-	$(BIN)/pytest -q -m "not slow and alone" $(REAL)
 
 differing: $(VENV)/dev.stamp
 	@$(TOGETHER) differing-pure fast-real
-	$(BIN)/pytest -q -m "not slow and alone" $(REAL)
 
-fast-pure fast-real differing-pure: TIER := not slow
-differing-pure: PURE := $(DIFFERING)
+test-slow: $(VENV)/dev.stamp
+	@$(TOGETHER) slow-pure slow-real
+
+lint-and-fast-pure: lint
+	@$(MAKE) --no-print-directory fast-pure
+
+fast-pure slow-pure differing-pure fast-real slow-real: $(VENV)/dev.stamp
+fast-pure differing-pure fast-real: TIER := not slow
 slow-pure slow-real: TIER := slow
+differing-pure: PURE := $(DIFFERING)
 fast-real: WORKERS := $(if $(filter 0,$(shell id -u)),4,0)
 slow-real: WORKERS := $(if $(filter 0,$(shell id -u)),6,0)
 
 fast-pure slow-pure differing-pure:
-	nice -n 2 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
+	WAYFIX_GIVE_WAY=1 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
 
+# The second one runs whatever became of the first.
 fast-real slow-real:
-	$(BIN)/pytest -q -m "$(TIER) and not alone" -n $(WORKERS) --dist worksteal $(REAL)
-
-test-slow: $(VENV)/dev.stamp
-	@$(TOGETHER) slow-pure slow-real
-	$(BIN)/pytest -m "slow and alone" $(REAL)
+	$(BIN)/pytest -q -m "$(TIER) and not alone" -n $(WORKERS) --dist worksteal $(REAL); first=$$?; \
+	$(BIN)/pytest -q -m "$(TIER) and alone" $(REAL) && exit $$first
 
 golden: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden.refresh
