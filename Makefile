@@ -7,8 +7,8 @@ BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
 # Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to all others at once
 # (tests/give_way.py). All others start real programs and wait for them most of the time: several workers, each with
-# pseudo-terminals of its own, which needs root (tests/own_terminals.py); then, one by one, those marked `alone`, which
-# judge processor time or delays.
+# pseudo-terminals of its own, which needs root (tests/own_terminals.py); then those that judge processor time or delays,
+# marked `in_pairs` or `alone`.
 PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
 REAL := $(addprefix tests/,floor link service system)
 # Of the pure ones, those that can differ from Python to Python: argparse, files, warnings, the libraries of exports.
@@ -67,19 +67,27 @@ lint-and-fast-pure: lint
 	@$(MAKE) --no-print-directory fast-pure
 
 fast-pure slow-pure differing-pure fast-real slow-real: $(VENV)/dev.stamp
-fast-pure differing-pure fast-real: TIER := not slow
-slow-pure slow-real: TIER := slow
+fast-pure differing-pure: TIER := not slow
+slow-pure: TIER := slow
 differing-pure: PURE := $(DIFFERING)
-fast-real: WORKERS := $(if $(filter 0,$(shell id -u)),4,0)
-slow-real: WORKERS := $(if $(filter 0,$(shell id -u)),6,0)
+AS_ROOT = $(if $(filter 0,$(shell id -u)),$(1),0)
 
 fast-pure slow-pure differing-pure:
 	WAYFIX_GIVE_WAY=1 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
 
-# The second one runs whatever became of the first.
-fast-real slow-real:
-	$(BIN)/pytest -q -m "$(TIER) and not alone" -n $(WORKERS) --dist worksteal $(REAL); first=$$?; \
-	$(BIN)/pytest -q -m "$(TIER) and alone" $(REAL) && exit $$first
+# Each line of pytest runs whatever became of the one before.
+fast-real:
+	@failed=0; \
+	$(BIN)/pytest -q -m "not slow and not alone and not in_pairs" -n $(call AS_ROOT,4) --dist worksteal $(REAL) || failed=1; \
+	$(BIN)/pytest -q -m "not slow and (alone or in_pairs)" $(REAL) || failed=1; \
+	exit $$failed
+
+slow-real:
+	@failed=0; \
+	$(BIN)/pytest -q -m "slow and not alone and not in_pairs" -n $(call AS_ROOT,6) --dist worksteal $(REAL) || failed=1; \
+	$(BIN)/pytest -q -m "slow and in_pairs" -n $(call AS_ROOT,2) --dist loadfile $(REAL) || failed=1; \
+	$(BIN)/pytest -q -m "slow and alone" $(REAL) || failed=1; \
+	exit $$failed
 
 golden: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden.refresh
