@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
-# Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to all others at once
+# Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to all others
 # (tests/give_way.py). All others start real programs and wait for them most of the time: several workers, each with
 # pseudo-terminals of its own, which needs root (tests/own_terminals.py); then those that judge processor time or delays,
 # marked `in_pairs` or `alone`.

@@ -1,18 +1,21 @@
-"""The scheduling class (SCHED_IDLE) of a process whose tests burn a core: it runs only while no other wants to.
+"""The niceness of a process whose tests burn a core: it leaves ten parts in eleven to whatever else wants to run.
 
-Beside such a process the tests that judge processor time or delays run as if alone. Where the kernel groups processes
-by session (autogroup), the classes count within a session only, and our tests start each program in a session of its
-own. So this process takes a session of its own too, and asks for the least share between sessions.
+So what judges processor time or delays can run beside it. Where the kernel groups processes by session (autogroup),
+their niceness counts within a session only, and our tests start each program in a session of its own: so this process
+takes a session too, whose niceness counts between sessions. The class SCHED_IDLE would leave more, but then tests of
+ports that wait for a moment wait too long.
 """
 
 import os
 from contextlib import suppress
 from pathlib import Path
 
+NICENESS = 10
+
 
 def to_all() -> None:
     """The calling process, and what it starts, give way from now on; call it in no leader of a process group."""
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+    os.nice(NICENESS)
     os.setsid()
     with suppress(OSError):  # a kernel without autogroups
-        Path("/proc/self/autogroup").write_text("19", encoding="ascii")
+        Path("/proc/self/autogroup").write_text(str(NICENESS), encoding="ascii")
