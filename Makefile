@@ -9,8 +9,10 @@ EXTRAS := onboard,shore,report
 # (tests/give_way.py). All others start real programs and wait for them most of the time: several workers, each with
 # pseudo-terminals of its own, which needs root (tests/own_terminals.py); then those that judge processor time or delays,
 # marked `in_pairs` or `alone`.
+# Among the pure ones a few files look at a real clock, too: they go with the others.
+CLOCK := $(addprefix tests/,acquire/test_ports.py $(addprefix simulate/,test_player.py test_virtual_boat.py test_virtual_command.py))
 PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
-REAL := $(addprefix tests/,floor link service system)
+REAL := $(addprefix tests/,floor link service system) $(CLOCK)
 # Of the pure ones, those that can differ from Python to Python: argparse, files, warnings, the libraries of exports.
 DIFFERING := $(addprefix tests/,layout messages station)
 TOGETHER := $(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target
@@ -73,7 +75,7 @@ differing-pure: PURE := $(DIFFERING)
 AS_ROOT = $(if $(filter 0,$(shell id -u)),$(1),0)
 
 fast-pure slow-pure differing-pure:
-	WAYFIX_GIVE_WAY=1 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
+	WAYFIX_GIVE_WAY=1 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE) $(CLOCK:%=--ignore=%)
 
 # Each line of pytest runs whatever became of the one before.
 fast-real:
