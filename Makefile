@@ -5,16 +5,21 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
-# Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to the others. All others start
-# real programs and wait for them most of the time: several workers, each with pseudo-terminals of its own, which needs root
-# (tests/own_terminals.py). Marked `alone` is what judges processor time or delays.
+# Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to all others
+# (tests/give_way.py). All others start real programs and wait for them most of the time: several workers, each with
+# pseudo-terminals of its own, which needs root (tests/own_terminals.py); then those that judge processor time or delays,
+# marked `in_pairs` or `alone`.
+# Empty on a machine that others keep busy, where these tests would wait for hours: make test GIVE_WAY=
+GIVE_WAY ?= 1
+# Among the pure ones a few files look at a real clock, too: they go with the others.
+CLOCK := $(addprefix tests/,acquire/test_ports.py $(addprefix simulate/,test_player.py test_virtual_boat.py test_virtual_command.py))
 PURE := $(addprefix tests/,acquire lab layout messages navigate simulate station)
-REAL := $(addprefix tests/,floor link service system)
+REAL := $(addprefix tests/,floor link service system) $(CLOCK)
 # Of the pure ones, those that can differ from Python to Python: argparse, files, warnings, the libraries of exports.
 DIFFERING := $(addprefix tests/,layout messages station)
 TOGETHER := $(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target
 
-.PHONY: demo test test-slow fast differing differing-pure fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
+.PHONY: demo test test-slow fast differing differing-pure lint-and-fast-pure fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
 
 help:
 	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
@@ -35,9 +40,11 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt | check-python
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
 	@touch $@
 
-$(VENV)/dev.stamp: $(VENV)/run.stamp
+# It holds what run.stamp stands for: one installation, not two.
+$(VENV)/dev.stamp: pyproject.toml constraints.txt | check-python
+	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS),dev]'
-	@touch $@
+	@touch $(VENV)/run.stamp $@
 
 demo: $(VENV)/run.stamp
 	$(BIN)/wayfix demo --log demo-out --json
@@ -48,32 +55,43 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint
-	@$(MAKE) --no-print-directory fast
+test: $(VENV)/dev.stamp
+	@$(TOGETHER) lint-and-fast-pure fast-real
 
 fast: $(VENV)/dev.stamp
 	@$(TOGETHER) fast-pure fast-real
-	$(BIN)/pytest -q -m "not slow and alone" $(REAL)
 
 differing: $(VENV)/dev.stamp
 	@$(TOGETHER) differing-pure fast-real
-	$(BIN)/pytest -q -m "not slow and alone" $(REAL)
-
-fast-pure fast-real differing-pure: TIER := not slow
-differing-pure: PURE := $(DIFFERING)
-slow-pure slow-real: TIER := slow
-fast-real: WORKERS := $(if $(filter 0,$(shell id -u)),4,0)
-slow-real: WORKERS := $(if $(filter 0,$(shell id -u)),6,0)
-
-fast-pure slow-pure differing-pure:
-	nice -n 2 $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE)
-
-fast-real slow-real:
-	$(BIN)/pytest -q -m "$(TIER) and not alone" -n $(WORKERS) --dist worksteal $(REAL)
 
 test-slow: $(VENV)/dev.stamp
 	@$(TOGETHER) slow-pure slow-real
-	$(BIN)/pytest -m "slow and alone" $(REAL)
+
+lint-and-fast-pure: lint
+	@$(MAKE) --no-print-directory fast-pure
+
+fast-pure slow-pure differing-pure fast-real slow-real: $(VENV)/dev.stamp
+fast-pure differing-pure: TIER := not slow
+slow-pure: TIER := slow
+differing-pure: PURE := $(DIFFERING)
+AS_ROOT = $(if $(filter 0,$(shell id -u)),$(1),0)
+
+fast-pure slow-pure differing-pure:
+	WAYFIX_GIVE_WAY=$(GIVE_WAY) $(BIN)/pytest -q -m "$(TIER) and not alone" -n auto --dist worksteal $(PURE) $(CLOCK:%=--ignore=%)
+
+# Each line of pytest runs whatever became of the one before.
+fast-real:
+	@failed=0; \
+	$(BIN)/pytest -q -m "not slow and not alone and not in_pairs" -n $(call AS_ROOT,4) --dist worksteal $(REAL) || failed=1; \
+	$(BIN)/pytest -q -m "not slow and (alone or in_pairs)" $(REAL) || failed=1; \
+	exit $$failed
+
+slow-real:
+	@failed=0; \
+	$(BIN)/pytest -q -m "slow and not alone and not in_pairs" -n $(call AS_ROOT,6) --dist worksteal $(REAL) || failed=1; \
+	$(BIN)/pytest -q -m "slow and in_pairs" -n $(call AS_ROOT,2) --dist loadfile $(REAL) || failed=1; \
+	$(BIN)/pytest -q -m "slow and alone" $(REAL) || failed=1; \
+	exit $$failed
 
 golden: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden.refresh

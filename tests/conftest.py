@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import own_terminals
+from tests import give_way, own_terminals
 
 settings.register_profile("quick", max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("quick")
@@ -17,11 +17,16 @@ WHY_NO_TERMINALS = pytest.StashKey[str | None]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Each process that runs tests has pseudo-terminals of its own, where it may, and nobody's settings."""
+    """Each process that runs tests has pseudo-terminals of its own, where it may, and nobody's settings.
+
+    Workers give way when asked to.
+    """
     config.stash[WHY_NO_TERMINALS] = own_terminals.take()
     nowhere = TemporaryDirectory(prefix="wayfix-tests-")
     config.add_cleanup(nowhere.cleanup)
     os.environ["XDG_CONFIG_HOME"] = nowhere.name
+    if os.environ.get("WAYFIX_GIVE_WAY") and hasattr(config, "workerinput"):
+        give_way.to_all()
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:

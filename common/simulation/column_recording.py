@@ -8,7 +8,7 @@ left out of the streams that need the field, and counted; it never becomes a zer
 import csv
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -40,6 +40,14 @@ Parts = tuple[FixColumns, HeadingColumns, ImuColumns]
 
 def recording_voyage(file: str | Path, map_file: str | Path, seed: int = 1, seconds: float | None = None) -> Voyage:
     """Read a recording; raises WayfixError for missing files or columns and for text where a number belongs."""
+    (voyage,) = recording_voyages(file, map_file, (seed,), seconds)
+    return voyage
+
+
+def recording_voyages(
+    file: str | Path, map_file: str | Path, seeds: Iterable[int], seconds: float | None = None
+) -> list[Voyage]:
+    """The same for several seeds: the file is read once, and each seed has its own noise."""
     mapping = read_toml(map_file, ColumnMap, VOYAGE)
     fix, heading, imu, reference = mapping.fix, mapping.heading, mapping.imu, mapping.reference
     assert fix is not None
@@ -50,20 +58,27 @@ def recording_voyage(file: str | Path, map_file: str | Path, seed: int = 1, seco
     columns = tuple(dict.fromkeys((*mapping.columns, *reference.columns)))
     rows = _with_time(_rows(Path(file), columns), mapping.time, seconds, skipped)
     truth, plane = _truth(rows, reference, skipped, str(file))
-    readings = sorted(_streams(rows, (fix, heading, imu), plane, seed, skipped), key=lambda timed: timed.t_s)
-    return Voyage(
-        name=Path(file).stem,
-        config=three_port_boat(
-            # the compass line carries true - variation, and 0 where the mapping states none
-            replace(mapping.boat, variation_deg=mapping.boat.variation_deg or 0.0),
-            mapping.facts,
-            Rates(gps_hz=fix.rate_hz, compass_hz=heading.rate_hz, imu_hz=imu.rate_hz),
-        ),
-        plane=plane,
-        truth=truth,
-        readings=tuple(readings),
-        skipped=dict(skipped),
+    config = three_port_boat(
+        # the compass line carries true - variation, and 0 where the mapping states none
+        replace(mapping.boat, variation_deg=mapping.boat.variation_deg or 0.0),
+        mapping.facts,
+        Rates(gps_hz=fix.rate_hz, compass_hz=heading.rate_hz, imu_hz=imu.rate_hz),
     )
+    voyages = []
+    for seed in seeds:
+        left_out = skipped.copy()
+        readings = sorted(_streams(rows, (fix, heading, imu), plane, seed, left_out), key=lambda timed: timed.t_s)
+        voyages.append(
+            Voyage(
+                name=Path(file).stem,
+                config=config,
+                plane=plane,
+                truth=truth,
+                readings=tuple(readings),
+                skipped=dict(left_out),
+            )
+        )
+    return voyages
 
 
 def _rows(file: Path, columns: tuple[str, ...]) -> list[Row]:
@@ -76,12 +91,13 @@ def _rows(file: Path, columns: tuple[str, ...]) -> list[Row]:
                 known = ", ".join(reader.fieldnames or ())
                 cure = f"correct the mapping; the file has: {known}"
                 raise WayfixError(f"has no column {', '.join(missing)}", str(file), cure)
-            return [
-                {name: _number(row[name], name, f"{file}: line {reader.line_num}") for name in columns}
-                for row in reader
-            ]
+            return [_row(row, columns, f"{file}: line {reader.line_num}") for row in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise WayfixError(f"cannot be read ({error})", str(file), "give a readable CSV file") from error
+
+
+def _row(row: dict[str, str], columns: tuple[str, ...], where: str) -> Row:
+    return {name: _number(row[name], name, where) for name in columns}
 
 
 def _number(text: str | None, column: str, where: str) -> float | None:

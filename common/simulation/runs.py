@@ -71,7 +71,7 @@ def draw_runs(scenario: Scenario, count: int, seed: int, first: int = 0) -> Runs
     """Measure a scenario: runs `first` to `first + count`; run j is the same whatever these are."""
     fine = scenario.truth()
     truth = fine.at(grid(float(fine.t_s[-1]), 1.0 / scenario.step_s))
-    draws = Draws(*np.random.SeedSequence(seed).spawn(first + count)[first:])
+    draws = Draws(*(np.random.SeedSequence(seed, spawn_key=(run,)) for run in range(first, first + count)))
     phases, flaws, t_s = scenario.phases, scenario.flaws, truth.t_s
     samples = imu_samples(truth, phases, draws, flaws)
     compass = np.radians(compass_heading_deg(truth, phases, draws, flaws))

@@ -1,7 +1,8 @@
 """A scenario: a mission, what moves the boat, what its sensors do, what its filter assumes; and variants of one."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
@@ -112,11 +113,9 @@ class Scenario:
         return self.assumed.facts(is_calibrated=self.bias == "removed" and not drifts)
 
     def truth(self, seed: int = 1, seconds: float | None = None) -> Truth:
-        """Sail it: the same for every seed. The mission ends when it ends, whatever `seconds` asks."""
+        """Sail it: the same for every seed, so its columns cannot be written to. A mission ends when it ends."""
         del seed
-        if isinstance(self.mission, Manoeuvres):
-            return follow(self.mission).until(seconds)
-        return sail(self.mission, self.current).until(seconds)
+        return _sailed(self.mission, self.current).until(seconds)
 
     def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
         """What one sensor measures: `gps1`, `compass1` and `imu1` have the errors of the phases.
@@ -140,6 +139,16 @@ class Scenario:
             if outage.sensor == sensor:
                 given &= (t_s < outage.from_s) | (t_s >= outage.from_s + outage.length_s)
         return given
+
+
+@lru_cache(maxsize=16)
+def _sailed(mission: Mission | Manoeuvres, current: VectorField) -> Truth:
+    """One voyage for all seeds of a scenario, and for its variants that differ in noise alone."""
+    truth = follow(mission) if isinstance(mission, Manoeuvres) else sail(mission, current)
+    for column in fields(Truth):
+        if (values := getattr(truth, column.name)) is not None:
+            values.flags.writeable = False
+    return truth
 
 
 def with_outage(scenario: Scenario, from_s: float, length_s: float, sensor: str = "gps1") -> Scenario:

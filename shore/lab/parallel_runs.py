@@ -73,12 +73,12 @@ class Campaign:
     profile: Profile
 
     def tasks(self) -> list[Task]:
-        """All tasks in the order of scenarios, methods, runs."""
+        """All tasks in the order of scenarios, runs, methods: what a worker drew serves one method after another."""
         return [
             Task(scenario, method, self.profile, self.seed, first, min(CHUNK, self.runs - first))
             for scenario in self.scenarios
-            for method in self._methods(scenario)
             for first in range(0, self.runs, CHUNK)
+            for method in self._methods(scenario)
         ]
 
     def results(self, outcomes: dict[Task, Outcome]) -> list[Result]:
@@ -101,17 +101,22 @@ class Campaign:
 
 
 def _first_run(scenario: Scenario, seed: int, profile: Profile) -> Setting:
-    return Setting(scenario, _draw(scenario, 1, seed), profile)
+    return Setting(scenario, _draw_first(scenario, seed), profile)
 
 
 @lru_cache(maxsize=32)
-def _draw(scenario: Scenario, count: int, seed: int) -> Runs:
-    return draw_runs(scenario, count, seed)
+def _draw_first(scenario: Scenario, seed: int) -> Runs:
+    return draw_runs(scenario, 1, seed)
+
+
+@lru_cache(maxsize=1)
+def _draw(scenario: Scenario, count: int, seed: int, first: int) -> Runs:
+    return draw_runs(scenario, count, seed, first)
 
 
 def work(task: Task) -> Outcome:
     """Do one task; runs in a worker."""
-    runs = draw_runs(task.scenario, task.count, task.seed, task.first)
+    runs = _draw(task.scenario, task.count, task.seed, task.first)
     setting = Setting(task.scenario, runs, task.profile)
     if task.method == RAW:
         return raw_outcome(setting, first=task.first == 0)

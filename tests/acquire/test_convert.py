@@ -66,7 +66,17 @@ def outcome_sum(summary: dict[str, Any]) -> int:
     return int(accepted + sum(summary["rejected"].values()) + sum(summary["ignored"].values()) + summary["too_long"])
 
 
-@pytest.mark.parametrize("name", PLAIN or ["gpsd-receivers/bu353s4.log"])
+LARGE_BYTES = 100_000
+
+
+def marks_of(name: str) -> list[pytest.MarkDecorator]:
+    path = DATA / name
+    return [pytest.mark.slow] if path.exists() and path.stat().st_size > LARGE_BYTES else []
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=marks_of(name)) for name in PLAIN or ["gpsd-receivers/bu353s4.log"]]
+)
 def test_every_line_of_every_recording_is_accounted_for(name: str, tmp_path: Path) -> None:
     data = recording(name)
     summary = convert(DATA / name, tmp_path / "out.frames")

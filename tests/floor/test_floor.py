@@ -50,7 +50,7 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     ("which", "enough", "workers"),
-    [("not alone", ENOUGH_TESTS, 2), pytest.param("alone", 1, 0, marks=pytest.mark.alone)],
+    [("not alone", ENOUGH_TESTS, 2), pytest.param("alone", 1, 0, marks=pytest.mark.in_pairs)],
 )
 def test_common_and_onboard_pass_their_tests_on_the_floor(
     python: Path, tmp_path: Path, which: str, enough: int, workers: int

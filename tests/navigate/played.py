@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from common.boat_config import IMU_AXES, BoatConfig
-from common.simulation.column_recording import recording_voyage
+from common.simulation.column_recording import recording_voyages
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.voyage import Voyage
 from shore.navigation.filters import Filter, build_filter, facts_of
@@ -64,7 +64,7 @@ class Played:
 
 
 def drawn(file: Path, map_file: Path, draws: int) -> Draws:
-    voyages = [recording_voyage(file, map_file, seed=seed) for seed in range(draws)]
+    voyages = recording_voyages(file, map_file, range(draws))
     plane = voyages[0].plane
     fixes = [
         [

@@ -32,8 +32,13 @@ def last_quarters(seeds: range) -> Array:
     return np.stack([heading_squares("fuzzy", many, 0.75), knowing, heading_squares("ukf", many, 0.75)], axis=1)
 
 
-def test_in_scenario_53_fuzzy_ends_as_good_as_a_filter_that_knows_the_noise() -> None:
-    squares = last_quarters(range(BOATS))
+@pytest.fixture(scope="module")
+def squares() -> Array:
+    """Of all boats."""
+    return last_quarters(range(BOATS))
+
+
+def test_in_scenario_53_fuzzy_ends_as_good_as_a_filter_that_knows_the_noise(squares: Array) -> None:
     to_oracle, to_fixed = interval(squares[:, [0, 1]]), interval(squares[:, [0, 2]])
     print(f"fuzzy / oracle {to_oracle}, fuzzy / fixed {to_fixed}")
     assert to_oracle[1] <= 1.10, to_oracle
@@ -41,7 +46,7 @@ def test_in_scenario_53_fuzzy_ends_as_good_as_a_filter_that_knows_the_noise() ->
     assert to_fixed[1] <= 0.6, to_fixed
 
 
-def test_a_voyage_through_frames_and_pipeline_is_a_row_of_these() -> None:
+def test_a_voyage_through_frames_and_pipeline_is_a_row_of_these(squares: Array) -> None:
     framed = []
     for seed in range(FRAMED):
         voyage = scenario_voyage("5.3", seed=seed)
@@ -49,6 +54,6 @@ def test_a_voyage_through_frames_and_pipeline_is_a_row_of_these() -> None:
         knowing = believing(voyage, **LATE)
         told = errors_of(knowing, ["ukf"])["ukf"]
         framed.append([item.rms_deg(0.75) for item in (errors["fuzzy"], told, errors["ukf"])])
-    ratios = np.array(framed) / np.sqrt(last_quarters(range(FRAMED)))
+    ratios = np.array(framed) / np.sqrt(squares[:FRAMED])
     print("frames / rows, each boat:", np.round(ratios, 4).tolist())
     assert np.abs(ratios - 1.0).max() < 0.02

@@ -15,7 +15,7 @@ import pytest
 from tests.debian import make_wheel
 from tests.service.container import Container, booted, install, overlay, wait_for, what_is_missing
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = [pytest.mark.slow, pytest.mark.in_pairs]
 
 CRASH_S, HANG_S, STOP_S = 4.0, 16.0, 2.0
 PRESENT, ABSENT = "with systemd-python", "without systemd-python"

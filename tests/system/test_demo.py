@@ -4,7 +4,7 @@ import csv
 import json
 import math
 import statistics
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -18,34 +18,45 @@ from tests.system.harness import command
 
 SEEDS = (1, 2, 3)
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = [pytest.mark.slow, pytest.mark.in_pairs]
+
+Run = dict[str, Any]
 
 
-def demo(directory: Path, *arguments: str | Path, seconds: float = 300.0) -> dict[str, Any]:
+def demo(directory: Path, *arguments: str | Path, seconds: float = 300.0) -> Run:
     done = command("wayfix", "demo", "--log", directory, "--headless", "--json", *arguments, seconds=seconds)
     assert done.returncode == 0, done.stderr
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+def sailed(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Future[Run]], Future[Run] | None]:
+    """One run for each seed, and beside them the recording."""
     directory = tmp_path_factory.mktemp("demo")
     with ThreadPoolExecutor() as together:
-        return list(together.map(lambda seed: demo(directory / str(seed), "--seed", str(seed), "--speed", "10"), SEEDS))
+        seeds = [together.submit(demo, directory / f"{n}", "--seed", f"{n}", "--speed", "10") for n in SEEDS]
+        recording = ("--recording", BLUEBOAT, "--map", BLUEBOAT_MAP, "--speed", "8")
+        played = together.submit(demo, directory / "recording", *recording) if BLUEBOAT.exists() else None
+    return seeds, played
 
 
-def test_no_frame_is_lost_on_any_seed(runs: list[dict[str, Any]]) -> None:
+@pytest.fixture
+def runs(sailed: tuple[list[Future[Run]], object]) -> list[Run]:
+    return [run.result() for run in sailed[0]]
+
+
+def test_no_frame_is_lost_on_any_seed(runs: list[Run]) -> None:
     for run in runs:
         assert run["frames"]["lost"] == 0
         assert run["frames"]["sent"] == run["frames"]["received"] > 7000
 
 
-def test_fuzzy_position_is_at_most_035_of_raw_gps_on_each_seed(runs: list[dict[str, Any]]) -> None:
+def test_fuzzy_position_is_at_most_035_of_raw_gps_on_each_seed(runs: list[Run]) -> None:
     ratios = [run["position_rms_m"]["fuzzy"] / run["position_rms_m"]["gps"] for run in runs]
     assert max(ratios) <= 0.35, ratios
 
 
-def test_fuzzy_heading_is_at_most_half_of_the_fixed_ukf_in_the_last_quarter(runs: list[dict[str, Any]]) -> None:
+def test_fuzzy_heading_is_at_most_half_of_the_fixed_ukf_in_the_last_quarter(runs: list[Run]) -> None:
     # Pooled: one seed's last quarter holds only a few independent heading errors (docs/decisions.md).
     def pooled(name: str) -> float:
         return math.sqrt(sum(run["heading_rms_deg_last_quarter"][name] ** 2 for run in runs) / len(runs))
@@ -53,7 +64,7 @@ def test_fuzzy_heading_is_at_most_half_of_the_fixed_ukf_in_the_last_quarter(runs
     assert pooled("fuzzy") <= 0.5 * pooled("ukf"), (pooled("fuzzy"), pooled("ukf"))
 
 
-def counts(run: dict[str, Any]) -> tuple[int, int, int]:
+def counts(run: Run) -> tuple[int, int, int]:
     """Fixes, headings and IMU samples in the log of a run."""
     frames = [decode_frame(data) for data in read_log(run["log"]).frames()]
     samples = sum(len(block.offset_us) for frame in frames for block in frame.imu)
@@ -80,13 +91,15 @@ def test_speed_one_and_eight_give_the_same_measurements_and_figures(tmp_path: Pa
             assert abs(ratio - 1.0) <= 0.05 + 2.0 * error / statistics.mean(ones), (key, name)
 
 
-def test_a_real_recording_through_the_whole_path(tmp_path: Path) -> None:
-    if not BLUEBOAT.exists():
+def test_a_real_recording_through_the_whole_path(sailed: tuple[object, Future[Run] | None]) -> None:
+    played = sailed[1]
+    if played is None:
         pytest.skip("the recordings of ../shared/data are not here")
-    run = demo(tmp_path, "--recording", BLUEBOAT, "--map", BLUEBOAT_MAP, "--speed", "8")
+    run = played.result()
     assert run["frames"]["lost"] == 0
     frames = [decode_frame(data) for data in read_log(run["log"]).frames()]
-    sent = [json.loads(line) for line in (tmp_path / "boat" / "sent.jsonl").read_text().splitlines()]
+    told = Path(run["log"]).with_name("boat") / "sent.jsonl"
+    sent = [json.loads(line) for line in told.read_text().splitlines()]
     with BLUEBOAT.open(newline="") as file:
         rows = sum(1 for _ in csv.DictReader(file))
     kinds = {kind: sum(item["kind"] == kind for item in sent) for kind in ("Fix", "Heading", "ImuSample")}

@@ -40,7 +40,7 @@ def growth(live_ms: list[tuple[float, float]]) -> tuple[float, float]:
     return float(slope), 1.96 * math.sqrt(covariance[0, 0])
 
 
-@pytest.mark.alone
+@pytest.mark.in_pairs
 @pytest.mark.slow
 def test_live_frames_come_in_time_over_a_link_that_is_too_small_and_the_rest_later(tmp_path: Path) -> None:
     command = (sys.executable, "-m", "benchmarks.board", str(tmp_path), "--bytes", str(FRAME_BYTES))

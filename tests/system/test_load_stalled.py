@@ -47,7 +47,7 @@ class Liar(threading.Thread):
                     continue
 
 
-@pytest.mark.alone
+@pytest.mark.in_pairs
 @pytest.mark.slow
 def test_clients_that_stop_reading_cost_no_memory_and_no_frame_of_others(tmp_path: Path) -> None:
     with child(sys.executable, "-m", "benchmarks.board", str(tmp_path), "--history", "2600") as board:

@@ -118,7 +118,7 @@ def test_without_the_right_key_there_is_one_sentence_and_no_byte_of_data(tmp_pat
         assert len(refused) == 1, running.daemon.err  # once a minute
 
 
-@pytest.mark.alone
+@pytest.mark.in_pairs
 @pytest.mark.slow
 def test_a_station_that_is_revoked_gets_no_frame_later_than_a_second(tmp_path: Path) -> None:
     """It goes on asking over its old connection, as ours would not, and over a new one."""
