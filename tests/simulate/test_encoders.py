@@ -63,6 +63,12 @@ def test_an_epoch_looks_like_that_of_a_bu_353() -> None:
     assert len(gga + gsa + rmc) + 6 < 480 / 2
 
 
+def test_a_late_position_has_its_own_utc() -> None:
+    gga, _, rmc = lines("gps", FixReading(50.0, -4.0, late_s=0.75))
+    assert gga.startswith("$GPGGA,030718.250,")
+    assert rmc.startswith("$GPRMC,030718.250,")
+
+
 def test_a_void_epoch_is_that_of_a_receiver_that_lost_its_fix() -> None:
     gga, gsa, rmc = lines("gps", FixReading(50.0, -4.0, 1.0, 1.0, quality=0, satellites=2, sigma_east_m=3.0))
     assert gga.startswith("$GPGGA,030719.000,,,,,0,02,")

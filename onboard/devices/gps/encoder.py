@@ -32,7 +32,7 @@ class GpsEncoder:
         self._talker = table.talkers[0] if table.talkers else "GP"
 
     def encode(self, t_s: float, reading: "FixReading") -> bytes:
-        """All sentences of the epoch at `t_s`."""
+        """All sentences of one epoch; their UTC is that of the position, which may be older than `t_s`."""
         day, clock = day_and_clock(self._around.utc_ms(t_s - reading.late_s))
         used = f"{reading.satellites:02d}"
         if reading.quality == 0:
