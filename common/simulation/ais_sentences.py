@@ -56,7 +56,7 @@ def position_a(report: Report, talker: str = "AIVDM", channel: str = "A") -> tup
 def position_b(report: Report, talker: str = "AIVDM", channel: str = "B") -> tuple[str, ...]:
     """Message 18, class B with carrier sense."""
     bits = _Bits().number(18, 6).number(0, 2).number(report.mmsi, 30).number(0, 8)
-    _movement(bits, report).number(_NO_SECOND, 6).number(0, 2).number(0b1010100, 7).number(0, 1 + 20)
+    _movement(bits, report).number(_NO_SECOND, 6).number(0, 2).number(0b101100, 6).number(0, 1 + 20)
     return _sentences(bits.text, talker, channel)
 
 

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from common.boat_config import SensorTable
+from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.simulation.drawn_tracks import Habits, programme
 from common.simulation.hull import STEP_S, Weather, afloat, at_anchor, drawn_hull, steered
@@ -25,6 +26,8 @@ from common.simulation.traffic import traffic_readings
 from common.simulation.waves import Sea
 
 REAL: Final = "real boats"
+LONGEST_S: Final = 6.0 * 3600.0
+"""Longest voyage, s: all of its readings are made before the first is sent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +48,11 @@ class RealScenario:
 
     def truth(self, seed: int = 1, seconds: float | None = None) -> Truth:
         """What happens to the boat of a seed for `seconds` (`None` = as long as the scenario); a longer one goes on."""
+        if seconds is not None and seconds > LONGEST_S:
+            cure = "ask for less"
+            raise WayfixError(
+                f"{self.name} is simulated for at most {LONGEST_S / 3600.0:g} h at once", "--seconds", cure
+            )
         root = np.random.SeedSequence((seed, zlib.crc32(self.name.encode())))
         helm, boat, water = (np.random.default_rng(child) for child in root.spawn(3))
         count = round((seconds or self.seconds) / STEP_S) + 1

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="pace of a recording without times inside (default: as fast as the baud rate; JSON: one a second)",
     )
-    add_settings(parser, ": [filter]")
+    add_settings(parser, ": [filter]", boat_is_config=True)
     add_filter_arguments(parser, "those of the settings, else fuzzy", "; none = frames only")
     add_trip_arguments(parser)
     add_json(parser)

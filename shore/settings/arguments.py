@@ -6,10 +6,14 @@ from pathlib import Path
 from common.command import number
 
 
-def add_settings(parser: argparse.ArgumentParser, words: str = "") -> None:
-    """Add `--settings`, which is no `--config`: that is a boat's file. words: what the command reads of it."""
+def add_settings(parser: argparse.ArgumentParser, words: str = "", *, boat_is_config: bool = False) -> None:
+    """Add `--settings` and its other spelling `--config`.
+
+    words: what the command reads of it; boat_is_config: `--config` is the boat's file of this command.
+    """
     parser.add_argument(
         "--settings",
+        *(() if boat_is_config else ("--config",)),
         type=Path,
         metavar="FILE",
         help=f"the station's settings{words} (default ~/.config/wayfix/wayfix.toml where there is one)",

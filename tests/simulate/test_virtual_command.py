@@ -18,14 +18,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.boat_config import BoatConfig
+from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.errors import WayfixError
 from common.settings import read_toml
 from common.simulation.motion import Truth
-from common.simulation.scenarios import scenario_voyage
+from common.simulation.scenarios import find_world, scenario_voyage
+from common.simulation.voyage import boat_voyage
 from onboard.devices.driver import Accepted, Line
 from onboard.devices.registry import make_driver
 from onboard.virtual import command
+from onboard.virtual.boat_file import virtual_boat
+from onboard.virtual.voyage import VoyageSource
 from onboard.virtual.voyage_files import TruthFile
 
 ROOT = Path(__file__).parents[2]
@@ -219,6 +222,11 @@ def test_exit_at_end_and_list(tmp_path: Path) -> None:
         (["--map", "none.toml"], "belongs to a recording"),
         (["--clock-rate", "0"], "--clock-rate: must be > 0"),
         (["--seconds", "-1"], "--seconds: must be > 0"),
+        (["--boat", "none.toml"], "none.toml: cannot be read"),
+        (["--boat", "none.toml", "--nmea", "none.log"], "--boat: belongs to a scenario"),
+        (["--quirk", "gps1:x", "--recording", "none.csv"], "--quirk: belongs to a scenario"),
+        (["--quirk", "gps1:x"], "--quirk: 'gps1:x' names no quirk"),
+        (["--scenario", "real-lake", "--seconds", "1e9"], "--seconds: real-lake is simulated for at most"),
     ],
 )
 def test_wrong_input_is_told_in_one_sentence(tmp_path: Path, options: list[str], words: str) -> None:
@@ -231,6 +239,35 @@ def test_wrong_input_is_told_in_one_sentence(tmp_path: Path, options: list[str],
         arguments.command(arguments)
     assert words in str(caught.value)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('name = "gyro"', 'name = "../gyro"', "[[port]] '../gyro': a virtual port is a file of that name"),
+        ('name = "kvh"', 'name = "truth.csv"', "[[port]] 'truth.csv': a virtual port is a file of that name"),
+        ('model = "tcm2"', 'model = "tcm9"', 'no driver for role "compass" with model "tcm9"'),
+        ("baud = 9600", "baud = fast", "is not valid TOML"),
+    ],
+)
+def test_a_boat_that_cannot_be_simulated_is_one_sentence(tmp_path: Path, old: str, new: str, words: str) -> None:
+    text = (ROOT / "deploy" / "examples" / "springer.toml").read_text()
+    assert old in text
+    file = tmp_path / "boat.toml"
+    file.write_text(text.replace(old, new).replace('port = "kvh"', f'port = "{new[8:-1] if "kvh" in old else "kvh"}"'))
+    with pytest.raises(WayfixError) as caught:
+        virtual_boat(file)
+    assert words in str(caught.value)
+
+
+def test_a_port_that_is_too_slow_is_said_before_it_starts() -> None:
+    slow = PortTable(name="a", path="a", baud=4800)
+    imu = SensorTable(id="imu1", port="a", role="imu", model="arduimu", rate_hz=20.0)
+    boat = BoatConfig(boat=BoatTable(id="b", variation_deg=0.0), port=(slow,), sensor=(imu,))
+    (sentence,) = VoyageSource(boat_voyage(find_world("5.1"), boat, seconds=30.0)).overloads()
+    assert sentence.startswith("a: 4800 baud carry ")
+    fast = replace(boat, port=(replace(slow, baud=38400),))
+    assert list(VoyageSource(boat_voyage(find_world("5.1"), fast, seconds=30.0)).overloads()) == []
 
 
 def test_without_numpy_it_says_so_and_the_options_still_load() -> None:
