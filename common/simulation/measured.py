@@ -181,9 +181,10 @@ def _over_ground(reading: FixReading) -> tuple[float | None, float | None]:
 
 
 def rounded_minutes(angle_deg: float, decimals: int) -> float:
-    """An angle whose minutes are printed with so many decimals."""
-    units = 60 * 10**decimals
-    return float(round(angle_deg * units) / units)
+    """An angle whose minutes are printed with so many decimals, summed up as a driver does: equal to the last bit."""
+    units = 10**decimals
+    degrees, rest = divmod(round(abs(angle_deg) * 60 * units), 60 * units)
+    return math.copysign(degrees + (rest / units) / 60.0, angle_deg)
 
 
 def _counted(value: float, per_unit: float) -> float:

@@ -18,6 +18,7 @@ from tests.simulate.test_encoders_read_back import AROUND, DRAWN, read_back
 COUNT = 400
 CONSTANT = ("alt_m", "pdop", "vdop", "fix_mode", "yaw_deg")
 """Fields that a device prints but no filter uses."""
+PLACE = ("lat_deg", "lon_deg")
 
 
 def shown(measurement: Measurement) -> dict[str, Any]:
@@ -37,6 +38,8 @@ def test_a_reading_becomes_what_its_device_prints(role: str, model: str) -> None
         assert len(made) == len(found), (reading, made, found)
         for ours, theirs in zip(map(shown, made), map(shown, found), strict=True):
             assert ours == pytest.approx(theirs, abs=1e-9), reading
+            # What was sent is looked for in the log, so places are equal to the last bit.
+            assert [ours.get(name) for name in PLACE] == [theirs.get(name) for name in PLACE]
 
 
 def test_a_late_fix_has_its_own_utc() -> None:
