@@ -18,11 +18,12 @@ from typing import Any, Final
 import numpy as np
 
 from common.angles import wrap_rad
-from shore.navigation.filters import FilterFacts, build_filter
+from shore.navigation.filter_registry import build_filter
 from shore.navigation.initial_state import first_of
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import FIVE, Extra, ImuInput, ProcessNoise, StateSpace, process_noise
 from shore.navigation.noise.noise_rule import Channel
+from shore.navigation.sensor_facts import FilterFacts
 from tests.navigate.filterpys import filterpy_ukf
 
 NINE: Final = StateSpace(

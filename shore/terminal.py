@@ -43,7 +43,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def filters_named(text: str) -> tuple[str, ...]:
     """`a,b,c` -> names, checked before anything is started."""
-    from shore.navigation.filters import REGISTRY
+    from shore.navigation.filter_registry import REGISTRY
 
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     for name in names or ("",):

@@ -1,7 +1,7 @@
 """Monte Carlo runs in one batch: steps a method through a scenario, all runs as arrays (runs, n), or one as floats.
 
-What is measured comes from `common.simulation.runs`; what filters is the station's engine. Step 0 is the start, drawn
-from P(1) about the truth (`stated`) or at the truth (`compat`, as the thesis does). Each later step predicts with the
+What is measured comes from `common.simulation.monte_carlo_runs`; what filters is the station's engine. Step 0 is the
+start, drawn from P(1) about the truth (`stated`) or at the truth (`compat`, as the thesis does). Each later step predicts with the
 IMU sample that ends there, then fuses position and heading.
 """
 
@@ -17,17 +17,18 @@ import numpy.typing as npt
 from common.errors import WayfixError
 from common.simulation.filter_tuning import BIAS_ACCEL_M_S2, BIAS_YAW_RATE_DEG_S, Assumed
 from common.simulation.manoeuvres import Manoeuvres
-from common.simulation.runs import Runs
+from common.simulation.monte_carlo_runs import Runs
 from common.simulation.scenario import Scenario
 from shore.lab.bound import posterior_bound
 from shore.lab.consistency import STATES, ConsistencySums
 from shore.lab.methods import METHODS, ORACLE, Method, Stepped
 from shore.lab.statistics import spans, squared_errors
-from shore.navigation.filters import Filter, FilterFacts, FilterState
+from shore.navigation.filters import Filter, FilterState
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import FIVE, Extra, ImuInput, ProcessNoise, StateSpace
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, Number
+from shore.navigation.sensor_facts import FilterFacts
 
 Profile = Literal["stated", "compat"]
 PROFILES: Final[tuple[Profile, ...]] = ("stated", "compat")

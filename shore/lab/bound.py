@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from common.simulation.runs import Runs
+from common.simulation.monte_carlo_runs import Runs
 from shore.navigation.motion_model import EAST, HEADING, NORTH, V_EAST
 from shore.navigation.numbers import Array
 

@@ -12,12 +12,14 @@ from typing import Final, Protocol
 import numpy as np
 
 from common.errors import WayfixError
-from shore.navigation.filters import REGISTRY, FilterFacts, FilterState, build_filter
+from shore.navigation.filter_registry import REGISTRY, build_filter
+from shore.navigation.filters import FilterState
 from shore.navigation.kalman import prior_variance
 from shore.navigation.measurements import Measurement, TrueHeading
 from shore.navigation.motion_model import FIVE, HEADING, ImuInput
 from shore.navigation.noise.noise_rule import ChannelNoise
 from shore.navigation.numbers import Array, Number, square
+from shore.navigation.sensor_facts import FilterFacts
 
 ORACLE: Final = "oracle"
 

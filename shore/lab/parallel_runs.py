@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import Final
 
 from common.errors import WayfixError
-from common.simulation.runs import Runs, draw_runs
+from common.simulation.monte_carlo_runs import Runs, draw_runs
 from common.simulation.scenario import Scenario
 from shore.lab.batch import Outcome, Profile, Setting, merged, raw_outcome, run_method
 from shore.navigation.numbers import Array

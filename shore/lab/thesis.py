@@ -22,7 +22,7 @@ from shore.lab.tables import bound_remarks, half_width, plain, row_name
 from shore.lab.thesis_checks import CHAPTER_4, CHAPTER_5, Results, checks
 from shore.lab.thesis_published import PUBLISHED, US_PER_STEP
 from shore.lab.thesis_readings import READINGS
-from shore.navigation.filters import REGISTRY
+from shore.navigation.filter_registry import REGISTRY
 
 COMPARED: Final = (*REGISTRY, ORACLE)
 PUBLISHED_FILTERS: Final = ("kf", "ukf", "fuzzy-thesis")

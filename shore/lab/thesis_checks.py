@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from shore.lab.methods import ORACLE
 from shore.lab.parallel_runs import Result
 from shore.lab.scores import LEAST_RUNS_FOR_Z, ODD, comparisons, score
-from shore.navigation.filters import REGISTRY
+from shore.navigation.filter_registry import REGISTRY
 
 THESIS: Final = "fuzzy-thesis"
 CHAPTER_4: Final = ("4.1", "4.2", "4.3-0.5", "4.3-0.3", "4.3-0.15", "4.4-T1", "4.4-T2", "4.4-T3")

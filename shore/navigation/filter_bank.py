@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from common.messages import ImuBlock
-from shore.navigation.filters import Filter, FilterFacts, FilterState
+from shore.navigation.filters import Filter, FilterState
 from shore.navigation.imu_track import TimeStep
 from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import FirstHeading, Measurement, Position, Seeds, with_courses
 from shore.navigation.motion_model import ImuInput
+from shore.navigation.sensor_facts import FilterFacts
 
 
 class Batch(NamedTuple):

@@ -8,14 +8,14 @@ one bridges a gap. All of it depends on the set of blocks only, not on their arr
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from common.boat_config import IMU_AXES, LATE_IMU_S, ROLES, BoatConfig, SensorTable
 from common.messages import Frame, ImuBlock
 from common.units import NS_PER_S, NS_PER_US
+from shore.navigation.implausible_samples import LIMITS, grouped, is_plausible, mean_of
 from shore.navigation.motion_model import ImuInput
 
 HOLD_S: Final = 0.25
@@ -24,12 +24,6 @@ _LATE_NS: Final = int(LATE_IMU_S * NS_PER_S)
 LONGEST_STEP_S: Final = 1.0
 MOST_STEPS: Final = 10
 """A stretch above 1 s is predicted in up to ten equal steps: P is then within 1/(4 x 10^2) of the continuous one."""
-LARGEST_ACCEL_M_S2: Final = 160.0
-"""16 g, the full scale of consumer units; more comes from a broken line, a wrong scale or a wrong model."""
-LARGEST_YAW_RATE_DEG_S: Final = 2000.0
-"""Full scale of consumer units."""
-_LIMITS: Final = (LARGEST_ACCEL_M_S2, LARGEST_ACCEL_M_S2, LARGEST_YAW_RATE_DEG_S)
-"""Largest plausible magnitude on each of `IMU_AXES`: m/s^2, m/s^2, deg/s."""
 
 
 class Stretch(NamedTuple):
@@ -79,7 +73,7 @@ class ImuTrack:
         self._stretches: list[Stretch] = []
         self._ends_ns: list[int] = []
         # An axis that is not used may show anything: it is often left out because it is broken.
-        axes = zip(IMU_AXES, _LIMITS, strict=True)
+        axes = zip(IMU_AXES, LIMITS, strict=True)
         self._limits = tuple(limit if axis in sensor.use else math.inf for axis, limit in axes)
         self.left_out = 0
         """Number of samples that were no plausible numbers."""
@@ -133,7 +127,7 @@ class ImuTrack:
             for _ in range(count)
             if from_ns < t_ns <= to_ns
         ]
-        return ImuInput(*_mean(samples)) if samples else None
+        return ImuInput(*mean_of(samples)) if samples else None
 
     def _next(self, index: int, now_ns: int) -> tuple[int | None, ImuInput | None]:
         """Input from `now_ns` on, and until when (`None` = for ever); `index` is the first stretch that ends later."""
@@ -227,7 +221,7 @@ class ImuTrack:
             (total - sum(map(float.__mul__, own_s, column))) / gap_s
             for total, column in zip(totals, columns, strict=True)
         ]
-        if not _plausible(means, self._limits):
+        if not is_plausible(means, self._limits):
             return None
         return Stretch(before.end_ns, end_ns, self._input(*means))
 
@@ -257,31 +251,6 @@ def blocks_of(frame: Frame, sensor: SensorTable) -> tuple[ImuBlock, ...]:
             yaw_rate_deg_s=tuple(rate for _, rate in rates),
         ),
     )
-
-
-def grouped(block: ImuBlock, limits: Sequence[float]) -> tuple[list[int], list[tuple[float, ...]], list[int]]:
-    """Times (ns, increasing), mean (forward, starboard, yaw rate) and count of the plausible samples at each.
-
-    Lines that came in one chunk share its stamp: together they cover what lies before it, so their mean does.
-    """
-    columns = zip(block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=False)
-    at_time: dict[int, list[tuple[float, ...]]] = {}
-    for t_ns, *values in columns:
-        if _plausible(values, limits):
-            at_time.setdefault(t_ns, []).append(tuple(values))
-    times_ns = sorted(at_time)
-    return times_ns, [_mean(at_time[t_ns]) for t_ns in times_ns], [len(at_time[t_ns]) for t_ns in times_ns]
-
-
-def _plausible(values: Sequence[float], limits: Sequence[float]) -> bool:
-    """All of them finite and within the limits."""
-    return all(math.isfinite(value) and abs(value) <= limit for value, limit in zip(values, limits, strict=True))
-
-
-def _mean(samples: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
-    if len(samples) == 1:
-        return samples[0]
-    return tuple(sum(column) / len(samples) for column in zip(*samples, strict=True))
 
 
 def split(start_ns: int, end_ns: int, imu: ImuInput | None) -> list[TimeStep]:

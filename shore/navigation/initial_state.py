@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 
 from common.units import NS_PER_S
-from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.motion_model import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
 from shore.navigation.numbers import Array, Number
+from shore.navigation.sensor_facts import FilterFacts
 
 UNKNOWN_SPEED_M_S: Final = 1.0
 """1-sigma of each velocity when the receiver gives none: together 1.4 m/s, the hull speed of a boat of 1.2 m."""

@@ -10,13 +10,14 @@ from common.boat_config import BoatConfig
 from common.messages import Event, Frame
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filter_bank import Bank, Moment
-from shore.navigation.filters import build_filter, facts_of
+from shore.navigation.filter_registry import build_filter
 from shore.navigation.fixed_steps import Synchronous
 from shore.navigation.initial_alignment import Alignment, before_start
 from shore.navigation.intake import FAR_FIXES, Intake
 from shore.navigation.judge import Judge
 from shore.navigation.measurements import FARTHEST_M
 from shore.navigation.notices import Notices
+from shore.navigation.sensor_facts import facts_of
 from shore.navigation.start_events import StartEvents
 from shore.navigation.timeline import AHEAD_S, HORIZON_S, Timeline
 

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from common.simulation.fields import VectorField
-from shore.navigation.filters import Filter, FilterFacts
+from shore.navigation.filters import Filter
 from shore.navigation.measurements import PseudoPart, PseudoScalar
 from shore.navigation.motion_model import EAST, NORTH, Extra, StateSpace, through_water
 from shore.navigation.numbers import Array, Number, part
+from shore.navigation.sensor_facts import FilterFacts
 
 
 class Sailing(NamedTuple):

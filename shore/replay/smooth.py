@@ -19,8 +19,9 @@ from common.messages import Frame
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filter_bank import Bank
-from shore.navigation.filters import FilterState, facts_of
+from shore.navigation.filters import FilterState
 from shore.navigation.intake import Intake
+from shore.navigation.sensor_facts import facts_of
 from shore.navigation.smoother import Smoother
 from shore.navigation.timeline import HORIZON_NS, Order
 

@@ -16,7 +16,7 @@ from common.errors import WayfixError
 from common.field_bounds import OneOf, Range, SomeOnce
 from common.messages import LEVELS
 from common.settings import convert, load_toml
-from shore.navigation.filters import REGISTRY
+from shore.navigation.filter_registry import REGISTRY
 from shore.navigation.fixed_steps import LONGEST_STEP_S, SHORTEST_STEP_S
 from shore.settings.place import FILE, config_directory
 from shore.terminal import filters_named

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from common.errors import WayfixError
-from common.simulation.runs import draw_runs
+from common.simulation.monte_carlo_runs import draw_runs
 from common.simulation.scenario import with_bias
 from common.simulation.scenarios import find_scenario
 from shore.lab.batch import Profile, Setting, drive, run_method
 from shore.lab.methods import METHODS, ORACLE, IntervalKalman, check_methods
-from shore.navigation.filters import FilterFacts
 from shore.navigation.measurements import TrueHeading
 from shore.navigation.motion_model import Extra, ImuInput, ProcessNoise, StateSpace
 from shore.navigation.noise.noise_rule import Channel
+from shore.navigation.sensor_facts import FilterFacts
 
 
 def setting(name: str, runs: int, profile: Profile = "stated", *, biased: bool = False) -> Setting:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.simulation.runs import Runs, draw_runs
+from common.simulation.monte_carlo_runs import Runs, draw_runs
 from common.simulation.scenario import with_bias
 from common.simulation.scenarios import find_scenario
 from shore.lab.batch import EIGHT, Setting

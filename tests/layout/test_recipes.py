@@ -110,7 +110,7 @@ def replayed(tree: Tree, name: str) -> str:
 
 
 def new_filter(tree: Tree) -> None:
-    tree.after("shore/navigation/filters.py", "REGISTRY:", '    "ekf-fuzzy": (predict_extended, "fuzzy"),\n')
+    tree.after("shore/navigation/filter_registry.py", "REGISTRY:", '    "ekf-fuzzy": (predict_extended, "fuzzy"),\n')
     assert '"ekf-fuzzy"' in replayed(tree, "ekf-fuzzy")
 
 

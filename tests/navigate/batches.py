@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shore.navigation.filters import Filter, FilterFacts, build_filter
+from shore.navigation.filter_registry import build_filter
+from shore.navigation.filters import Filter
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import ImuInput, ProcessNoise
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
+from shore.navigation.sensor_facts import FilterFacts
 from tests.navigate.voyages import ACCEL_STD, GYRO_STD_DEG, Truth
 
 CHANNELS = ("gps1.east", "gps1.north", "compass1.heading")

@@ -13,11 +13,13 @@ from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.scenarios import scenario_voyage
 from common.simulation.voyage import Voyage
 from common.units import NS_PER_S
-from shore.navigation.filters import Filter, build_filter, facts_of
+from shore.navigation.filter_registry import build_filter
+from shore.navigation.filters import Filter
 from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import HEADING, ImuInput
 from shore.navigation.numbers import Array
+from shore.navigation.sensor_facts import facts_of
 from tests.offline import believing
 
 IMU_S = 0.05

@@ -16,12 +16,14 @@ from common.boat_config import IMU_AXES, BoatConfig
 from common.simulation.column_recording import recording_voyages
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.voyage import Voyage
-from shore.navigation.filters import Filter, build_filter, facts_of
+from shore.navigation.filter_registry import build_filter
+from shore.navigation.filters import Filter
 from shore.navigation.imu_track import driving_sensor
 from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import ImuInput
 from shore.navigation.numbers import Array
+from shore.navigation.sensor_facts import facts_of
 
 TRUSTING: dict[str, Any] = {
     "bias_accel_sigma_m_s2": 0.0,

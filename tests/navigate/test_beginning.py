@@ -8,7 +8,7 @@ import pytest
 from common.boat_config import BoatConfig, BoatTable, SensorTable
 from common.messages import Fix, Frame, Heading, ImuBlock
 from shore.navigation.estimate import Estimate
-from shore.navigation.filters import FilterFacts, build_filter
+from shore.navigation.filter_registry import build_filter
 from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import (
@@ -20,6 +20,7 @@ from shore.navigation.motion_model import (
     body_to_plane,
 )
 from shore.navigation.noise.noise_rule import Channel
+from shore.navigation.sensor_facts import FilterFacts
 from shore.pipeline import Pipeline
 
 LEAKY = StateSpace(

@@ -14,8 +14,9 @@ from common.errors import WayfixError
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.scenarios import scenario_voyage
 from common.units import NS_PER_S
-from shore.navigation import filters, ukf
-from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter, facts_of
+from shore.navigation import sensor_facts, ukf
+from shore.navigation.filter_registry import REGISTRY, build_filter
+from shore.navigation.filters import Filter, FilterState
 from shore.navigation.imu_track import split
 from shore.navigation.initial_state import first_of
 from shore.navigation.kalman import update_scalar
@@ -33,6 +34,7 @@ from shore.navigation.motion_model import (
 )
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, wrapped
+from shore.navigation.sensor_facts import FilterFacts, facts_of
 from tests.navigate.filterpys import filterpy_ukf
 from tests.navigate.voyages import Run, Truth, errors, run_filter, thesis_facts
 
@@ -307,6 +309,7 @@ def test_facts_come_from_the_boats_file() -> None:
     facts = facts_of(config)
     assert facts.channels["gps1.north"] == Channel(16.0, 5.0)
     assert facts.channels["compass1.heading"] == Channel(math.radians(2.0) ** 2, 10.0)
-    assert facts.channels["gps1.course"].initial_variance == pytest.approx(math.radians(filters.COURSE_SIGMA_DEG) ** 2)
+    course_rad = math.radians(sensor_facts.COURSE_SIGMA_DEG)
+    assert facts.channels["gps1.course"].initial_variance == pytest.approx(course_rad**2)
     assert facts.imu_noise == ProcessNoise(FREE_NOISE.accel_fwd, FREE_NOISE.accel_stb, math.radians(0.2))
     assert facts.free_noise == FREE_NOISE

@@ -10,11 +10,13 @@ import pytest
 from common.messages import Frame
 from shore.navigation.estimate import Estimate
 from shore.navigation.filter_bank import Bank, Batch, Moment
-from shore.navigation.filters import REGISTRY, Filter, FilterFacts, FilterState, build_filter
+from shore.navigation.filter_registry import REGISTRY, build_filter
+from shore.navigation.filters import Filter, FilterState
 from shore.navigation.judge import Evidence, Judge, Verdict
 from shore.navigation.measurements import Measurement, Position, TrueHeading
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Number
+from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.timeline import Timeline
 from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, state_of

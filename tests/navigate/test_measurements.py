@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shore.navigation.filter_bank import Bank, Batch
-from shore.navigation.filters import FilterFacts, build_filter
+from shore.navigation.filter_registry import build_filter
 from shore.navigation.fixed_steps import Synchronous
 from shore.navigation.measurements import (
     Course,
@@ -25,6 +25,7 @@ from shore.navigation.measurements import (
 from shore.navigation.motion_model import EAST, NORTH, StateSpace
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, hypot, part
+from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.timeline import Timeline
 from tests.navigate.voyages import state_of
 

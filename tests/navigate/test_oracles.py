@@ -10,16 +10,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from common.simulation.monte_carlo_runs import Runs, draw_runs
 from common.simulation.motion import Mission
-from common.simulation.runs import Runs, draw_runs
 from common.simulation.scenario import with_noise
 from common.simulation.scenarios import find_scenario
-from shore.navigation.filters import Filter, FilterFacts, build_filter
+from shore.navigation.filter_registry import build_filter
+from shore.navigation.filters import Filter
 from shore.navigation.kalman import Predicted
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import FIVE, Gaussian, ImuInput, ProcessNoise, move
 from shore.navigation.noise.noise_rule import Channel, FixedNoise
 from shore.navigation.numbers import Array, wrapped
+from shore.navigation.sensor_facts import FilterFacts
 
 Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
 

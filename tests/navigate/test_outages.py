@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 
 from common.simulation.fields import Sum
-from common.simulation.runs import draw_runs
+from common.simulation.monte_carlo_runs import draw_runs
 from common.simulation.scenario import Scenario, with_drift, with_outage
 from common.simulation.scenarios import SCENARIOS
 from common.simulation.thesis_tables import REALISTIC
 from shore.lab.batch import EIGHT, Setting
-from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
+from shore.navigation.filter_registry import build_filter
+from shore.navigation.filters import Filter, FilterState
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import FIVE, Extra, ImuInput, StateSpace, through_water
 from shore.navigation.numbers import Array
 from shore.navigation.pseudo_measurements import Sailing, Stream, Water
+from shore.navigation.sensor_facts import FilterFacts
 
 UNCALIBRATED = SCENARIOS["uncalibrated"]
 TIDAL = SCENARIOS["tidal-outage"]

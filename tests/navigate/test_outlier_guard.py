@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from shore.navigation.filters import FilterFacts, build_filter
+from shore.navigation.filter_registry import build_filter
 from shore.navigation.measurements import Position
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.noise.outlier_guard import EMPTY_WIDTHS, FULL_WIDTHS, guarded, not_equal, winsorised
+from shore.navigation.sensor_facts import FilterFacts
 
 LEARNED, EXPECTED = 4.0, 5.0
 """R and C_T of a channel, m^2."""

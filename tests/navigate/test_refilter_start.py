@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from shore.navigation import refilter_start as opening
-from shore.navigation.filters import Filter, FilterState, build_filter
+from shore.navigation.filter_registry import build_filter
+from shore.navigation.filters import Filter, FilterState
 from shore.navigation.motion_model import EAST, HEADING, NORTH, StateSpace
 from shore.navigation.numbers import Array
 from tests.navigate.batches import CHANNELS, POOR, START_SIGMAS, TABLE_5_3, Batch, begin, facts, noisy, step, told

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from common.simulation.runs import Runs, draw_runs
+from common.simulation.monte_carlo_runs import Runs, draw_runs
 from common.simulation.scenario import Scenario, with_outage
 from common.simulation.scenarios import find_scenario
-from shore.navigation.filters import REGISTRY, FilterFacts, build_filter
+from shore.navigation.filter_registry import REGISTRY, build_filter
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import (
     FIVE,
@@ -23,6 +23,7 @@ from shore.navigation.motion_model import (
 )
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, wrapped
+from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.smoother import Smoother
 
 BIASES = (Extra("gyro_bias_rad_s", 0.005), Extra("accel_bias_fwd_m_s2", 0.04), Extra("accel_bias_stb_m_s2", 0.04))

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from shore.navigation.filters import REGISTRY, FilterFacts, FilterState, build_filter
+from shore.navigation.filter_registry import REGISTRY, build_filter
+from shore.navigation.filters import FilterState
 from shore.navigation.initial_state import first_of
 from shore.navigation.kalman import predict_extended
 from shore.navigation.measurements import Position, TrueHeading
@@ -22,6 +23,7 @@ from shore.navigation.motion_model import (
 )
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
+from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.ukf import predict_unscented
 
 SIGMAS = (0.02, 0.1, 0.1, 0.2, 0.3, 0.3, 0.05, 0.5)

@@ -10,12 +10,13 @@ import pytest
 from common.boat_config import BoatConfig, SensorTable
 from common.messages import Frame, ImuBlock
 from shore.navigation.filter_bank import Bank, Batch, Moment
-from shore.navigation.filters import FilterFacts, build_filter, facts_of
+from shore.navigation.filter_registry import build_filter
 from shore.navigation.fixed_steps import Synchronous
 from shore.navigation.imu_track import ImuTrack
 from shore.navigation.kalman import Predicted
 from shore.navigation.measurements import Measurement, Position, TrueHeading
 from shore.navigation.motion_model import ImuInput
+from shore.navigation.sensor_facts import FilterFacts, facts_of
 from shore.navigation.timeline import Timeline
 from tests.navigate.voyages import BOAT, HOME, UNCALIBRATED, state_of
 

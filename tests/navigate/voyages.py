@@ -11,11 +11,13 @@ from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.geodesy import LocalPlane
 from common.messages import Fix, Frame, Heading, ImuBlock
 from shore.navigation.filter_bank import Moment
-from shore.navigation.filters import Filter, FilterFacts, FilterState, build_filter
+from shore.navigation.filter_registry import build_filter
+from shore.navigation.filters import Filter, FilterState
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import ImuInput, ProcessNoise, body_to_plane
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
+from shore.navigation.sensor_facts import FilterFacts
 
 ACCEL_STD = 0.0039
 """What the filters assume, m/s^2 and deg/s at 1 Hz (Table 5.3)."""

@@ -7,8 +7,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from common.simulation.monte_carlo_runs import Runs, draw_runs
 from common.simulation.motion import Array
-from common.simulation.runs import Runs, draw_runs
 from common.simulation.scenario import Scenario, realistic, with_bias, with_drift, with_outage
 from common.simulation.scenarios import SCENARIOS, find_scenario
 from common.simulation.sensor_models import imu_bias
