@@ -20,7 +20,7 @@ What is drawn for each receiver, and where its size comes from:
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -32,7 +32,7 @@ from common.simulation.motion import Array, Truth, sample_times_s
 from common.simulation.readings import FixReading, Timed
 from common.simulation.recurrences import held, lagged, recur
 from common.simulation.sensor_errors import drift_path, gauss_markov
-from common.simulation.sensor_models import Draws
+from common.simulation.sensor_models import Draws, at_antenna
 
 Quality = npt.NDArray[np.int64]
 UERE_M: Final = {0: 4.0, 1: 2.0, 2: 1.4, 4: 0.012, 5: 0.3}
@@ -130,7 +130,7 @@ def fixes(truth: Truth, sensor: SensorTable, draws: Draws, reception: Reception,
     quality = qualities(draws.of(f"{sensor.id} quality")[0], t_s, receiver.quality, reception.losses)
     hdop = _hdop(draws, sensor.id, t_s, receiver)
     sigma_m = position_sigma_m(t_s, quality, hdop, receiver)
-    antenna = at_antenna(truth, sensor, receiver.mast_m)
+    antenna = at_masthead(truth, sensor, receiver.mast_m)
     seen = antenna.at(t_s - receiver.late_s)
     place = np.stack((seen.east_m, seen.north_m), axis=1) + position_error_m(draws, sensor.id, t_s, sigma_m, receiver)
     velocity = _velocity(draws, sensor.id, antenna, t_s, receiver)
@@ -201,16 +201,17 @@ def position_error_m(draws: Draws, sensor: str, t_s: Array, sigma_m: Array, rece
     return error
 
 
-def at_antenna(truth: Truth, sensor: SensorTable, mast_m: float) -> Truth:
-    """The track of the antenna: lever arm of the file, and a mast that swings with roll and pitch."""
-    roll = 0.0 if truth.roll_rad is None else truth.roll_rad
-    pitch = 0.0 if truth.pitch_rad is None else truth.pitch_rad
-    fwd, stb = sensor.lever_fwd_m - mast_m * np.sin(pitch), sensor.lever_stb_m + mast_m * np.sin(roll)
+def at_masthead(truth: Truth, sensor: SensorTable, mast_m: float) -> Truth:
+    """The track of the antenna, velocity included: lever arm of the file, on a mast that swings with roll and pitch."""
+    foot = at_antenna(truth, sensor)
+    aft = 0.0 if truth.pitch_rad is None else mast_m * np.sin(truth.pitch_rad)
+    stb = 0.0 if truth.roll_rad is None else mast_m * np.sin(truth.roll_rad)
     sin, cos = np.sin(truth.heading_rad), np.cos(truth.heading_rad)
-    arm = np.stack((sin * fwd + cos * stb, cos * fwd - sin * stb))
+    east, north = foot.east_m - sin * aft + cos * stb, foot.north_m - cos * aft - sin * stb
+    arm = np.stack((east - truth.east_m, north - truth.north_m))
     swing = np.diff(arm, axis=1, prepend=arm[:, :1]) / np.diff(truth.t_s, prepend=truth.t_s[0] - 1.0)
-    east, north = truth.east_m + arm[0], truth.north_m + arm[1]
-    return Truth(truth.t_s, east, north, truth.v_east_m_s + swing[0], truth.v_north_m_s + swing[1], truth.heading_rad)
+    v_east, v_north = truth.v_east_m_s + swing[0], truth.v_north_m_s + swing[1]
+    return replace(truth, east_m=east, north_m=north, v_east_m_s=v_east, v_north_m_s=v_north)
 
 
 def _velocity(draws: Draws, sensor: str, antenna: Truth, t_s: Array, receiver: Receiver) -> Array:

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from common.boat_config import ROLES, SensorTable
+from common.boat_config import SensorTable
 from common.geodesy import LocalPlane
-from common.simulation.motion import Truth, grid
+from common.simulation.motion import Truth, sample_times_s
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Timed, TurnRateReading
 from common.simulation.sensor_errors import Flaws
 from common.simulation.sensor_models import (
@@ -29,11 +29,6 @@ NAMED: Final = ("gps1", "compass1", "imu1")
 """Sensors of which a scenario itself says the errors: those of the three-port boat."""
 TILTED: Final = ("tcm2", "hmr3000")
 """Models of compasses that print pitch and roll beside each heading."""
-
-
-def rate_of(sensor: SensorTable) -> float:
-    """Measurements a second: `rate_hz` of the file, else what is usual for the role."""
-    return sensor.rate_hz or ROLES[sensor.role].nominal_rate_hz
 
 
 def phases_of(sensor: SensorTable, phases: Sequence[Phase]) -> tuple[Phase, ...]:
@@ -105,4 +100,4 @@ class ThesisSensor:
             yield Timed(t_s, name, ImuReading(*sample) if is_imu else TurnRateReading(sample[2]))
 
     def _when_measured(self, truth: Truth) -> Truth:
-        return truth.at(grid(float(truth.t_s[-1]), rate_of(self.table)))
+        return truth.at(sample_times_s(truth, self.table))

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from rich.console import Console, RenderableType
 from rich.table import Table
 
-from common.simulation.scenarios import SCENARIOS
+from common.simulation.scenarios import WORLDS
 from shore.lab.methods import METHODS
 from shore.lab.parallel_runs import RAW, Result
 from shore.lab.scores import LEAST_RUNS_FOR_Z, WHOLE, bound_of, comparisons, score
@@ -33,11 +33,11 @@ def console(*, stderr: bool = False) -> Console:
 
 def lists() -> Iterable[RenderableType]:
     """The scenarios by group, then the methods."""
-    for group in dict.fromkeys(scenario.group for scenario in SCENARIOS.values()):
+    for group in dict.fromkeys(scenario.group for scenario in WORLDS.values()):
         table = Table(title=f"Scenarios: {group}", title_justify="left", box=None, pad_edge=False)
         for heading in ("name", "published", "what"):
             table.add_column(heading, no_wrap=heading != "what")
-        for name, scenario in SCENARIOS.items():
+        for name, scenario in WORLDS.items():
             if scenario.group == group:
                 printed = f"Table {PUBLISHED[name].table}" if name in PUBLISHED else ""
                 table.add_row(name, printed, scenario.text)

@@ -94,7 +94,7 @@ def test_receivers_are_drawn_within_what_the_docstring_says() -> None:
 
 
 def test_what_a_receiver_claims_tells_its_error_within_30_per_cent() -> None:
-    truth, hdop_ratio, gst_ratio = still(200.0), [], []
+    truth, hdop_ratio, gst_ratio, size_m = still(200.0), [], [], []
     for seed in range(150):
         _, found = fixes(LAKE, truth, seed, table(0.05))
         error = np.array([LAKE.plane.to_east_north_m(fix.lat_deg, fix.lon_deg) for fix in found])
@@ -102,6 +102,9 @@ def test_what_a_receiver_claims_tells_its_error_within_30_per_cent() -> None:
         hdop_ratio.append((error / by_hdop[:, np.newaxis]) ** 2)
         gst = np.array([np.nan if fix.sigma_east_m is None else fix.sigma_east_m for fix in found])
         gst_ratio.append((error / gst[:, np.newaxis]) ** 2)
+        size_m.append((error**2).mean())
+    # The studies' 1.5 to 1.7 m on an axis, drawn from 0.7 to 3.4 m.
+    assert 1.2 < np.sqrt(np.mean(size_m)) < 2.2
     # Over 150 boats, two axes, two or three independent errors each: 1-sigma 0.03, of 60 with GST 0.05.
     assert np.sqrt(np.mean(hdop_ratio)) == pytest.approx(1.0, abs=0.15)
     assert np.sqrt(np.nanmean(gst_ratio)) == pytest.approx(1.0, abs=0.2)

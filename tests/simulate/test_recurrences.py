@@ -21,7 +21,7 @@ def test_recur_is_the_loop(count: int, seed: int) -> None:
 
 @pytest.mark.parametrize("drift", [gauss_markov(2.0, 7.0), Drift(0.3)])
 def test_a_shorter_drift_is_the_start_of_a_longer_one_to_the_bit(drift: Drift) -> None:
-    t_s, normals = np.arange(1000) * 0.37, np.random.default_rng(1).standard_normal((1000, 2))
+    t_s, normals = np.arange(1000.0) * 0.37, np.random.default_rng(1).standard_normal((1000, 2))
     np.testing.assert_array_equal(drift_path(drift, t_s[:333], normals[:333]), drift_path(drift, t_s, normals)[:333])
 
 

@@ -10,7 +10,7 @@ from common.errors import WayfixError
 from common.simulation.motion import Mission
 from common.simulation.readings import FixReading, ImuReading
 from common.simulation.scenario import realistic, with_bias, with_drift, with_noise
-from common.simulation.scenarios import SCENARIOS, find_scenario, scenario_voyage
+from common.simulation.scenarios import SCENARIOS, WORLDS, find_scenario, find_world, scenario_voyage
 from common.simulation.scenarios_own import BUOYS
 from common.simulation.thesis_tables import TABLE_4_1, TABLE_5_3, compat
 
@@ -25,6 +25,19 @@ def test_names_are_those_of_the_thesis_then_ours() -> None:
     groups = [scenario.group for scenario in SCENARIOS.values()]
     assert groups == sorted(groups, key=groups.index)
     assert all(name == scenario.name and scenario.text for name, scenario in SCENARIOS.items())
+
+
+def test_real_boats_sail_on_the_virtual_boat_and_not_in_the_laboratory() -> None:
+    real = [name for name in WORLDS if name not in SCENARIOS]
+    assert real == [name for name in WORLDS if name.startswith("real-")]
+    for name in real:
+        assert find_world(name).name == name
+        first, other = (scenario_voyage(name, seed, seconds=5.0) for seed in (1, 2))
+        assert {timed.sensor for timed in first.readings} == {"gps1", "compass1", "imu1"}
+        assert first.readings != other.readings
+        assert first.truth.heading_rad[0] != other.truth.heading_rad[0]
+        with pytest.raises(WayfixError, match="another track for each seed"):
+            find_scenario(name, "wayfix lab run")
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
