@@ -58,9 +58,9 @@ class Ship:
 
 
 def ships_around(truth: Truth, draws: Draws) -> tuple[Ship, ...]:
-    """The ships of a seed: half a mile to two miles from the boat's start, bound past the middle of its track."""
+    """The ships of a seed: half a mile to two miles from where the boat starts, bound past that place."""
     draw = draws.beginning("traffic")
-    middle = float(truth.east_m.mean()), float(truth.north_m.mean())
+    middle = float(truth.east_m[0]), float(truth.north_m[0])
     found = []
     for number in range(SHIPS):
         bearing, distance_m = draw.uniform(0.0, 2.0 * math.pi), draw.uniform(900.0, 3700.0)

@@ -1,8 +1,8 @@
 """Monte Carlo runs in one batch: steps a method through a scenario, all runs as arrays (runs, n), or one as floats.
 
 What is measured comes from `common.simulation.monte_carlo_runs`; what filters is the station's engine. Step 0 is the
-start, drawn from P(1) about the truth (`stated`) or at the truth (`compat`, as the thesis does). Each later step predicts with the
-IMU sample that ends there, then fuses position and heading.
+start, drawn from P(1) about the truth (`stated`) or at the truth (`compat`, as the thesis does). Each later step
+predicts with the IMU sample that ends there, then fuses position and heading.
 """
 
 import math
