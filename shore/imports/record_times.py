@@ -79,8 +79,7 @@ class Plan:
     @property
     def span_ns(self) -> tuple[int, int]:
         """First and last boat time, ns; there must be one."""
-        placed = [t_ns for t_ns in self._at if t_ns != NO_TIME]
-        return min(placed), max(placed)
+        return min(t_ns for t_ns in self._at if t_ns != NO_TIME), max(self._at)
 
     def at(self, number: int) -> int | None:
         """Boat time of a record (ns, whole us), `None` = left out."""

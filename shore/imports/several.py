@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from heapq import merge
 from itertools import pairwise
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final
 
@@ -126,22 +125,23 @@ def imported_together(trip: JointImport, out: Path) -> Written:
 
 
 def merged(parts: Sequence[TripPart], brought: dict[int, Brought]) -> Iterator[cut.Placed]:
-    """The measurements of all parts in the order in which they came; of each part one is held at a time."""
+    """The measurements of all parts in the order in which they came; of each part one is held at a time.
+
+    One that came late in its recording comes late here, too: it is handed on as soon as those before it are.
+    """
     streams = [_stream(part, brought[place]) for place, part in enumerate(parts)]
-    return (cut.Placed(measurement, 0, 0) for _, measurement in merge(*streams, key=itemgetter(0)))
+    return (cut.Placed(measurement, 0, 0) for measurement in merge(*streams, key=lambda measurement: measurement.t_ns))
 
 
-def _stream(part: TripPart, brought: Brought) -> Iterator[tuple[int, Measurement]]:
-    """Measurements by their names in the log, each with the time at which it came: one that is late comes late."""
-    newest_ns = part.first_ns
+def _stream(part: TripPart, brought: Brought) -> Iterator[Measurement]:
+    """Measurements by their names in the log; they are counted."""
     for measurement in part.measurements():
         name = brought.names.get(measurement.sensor)
         if name is None:
             continue
-        newest_ns = max(newest_ns, measurement.t_ns)
         if not isinstance(measurement, ClockPair | RawLine):  # they repeat a sentence that was counted
             brought.counts[name][cut.count_of(measurement)] += 1
-        yield newest_ns, replace(measurement, sensor=name)
+        yield replace(measurement, sensor=name)
 
 
 def _refuse_twice(jobs: Sequence[Job]) -> None:

@@ -10,13 +10,27 @@ from pathlib import Path
 import pytest
 
 from common.boat_config import BoatTable, SensorTable
-from common.framer import Measurement
-from common.messages import TurnRate
+from common.framer import Framer, Identity, ImuSample, Measurement, Utc
+from common.messages import AisLine, Heading, TurnRate
 from common.units import NS_PER_S
+from shore.imports.framed_recording import measurements_of
 from shore.imports.job import ImportOptions, Job
 from shore.imports.part import TripPart
 from shore.imports.recognise import RecordingKind
 from shore.imports.several import Brought, merged, notes_of
+
+
+def test_a_frame_is_unpacked_as_it_was_packed() -> None:
+    identity = Identity("b", "0" * 16, "c", 1)
+    framer = Framer(identity, ["imu1"], 0)
+    late = Heading(sensor="compass1", t_ns=-(10**6), heading_true_deg=1.0)
+    samples = [ImuSample("imu1", t_ns, 0.5, -0.25, 2.0) for t_ns in (10_000, 30_000, 50_000)]
+    rates = [TurnRate(sensor="gyro1", t_ns=t_ns, rate_deg_s=3.0) for t_ns in (20_000, 40_000)]
+    line = AisLine(sensor="ais1", t_ns=60_000, text="!AIVDM")
+    for measurement in (*rates, *samples, line, late):
+        framer.add(measurement)
+    frame = framer.tick(10**8, Utc(None, None, "none"), 0, ())
+    assert measurements_of(frame) == [late, samples[0], rates[0], samples[1], rates[1], samples[2], line]
 
 
 def part_of(name: str, first_s: float, seconds: float, role: str = "gyro") -> TripPart:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
@@ -89,6 +90,7 @@ def test_a_receiver_and_a_gyro_are_one_log(importer: Importer, here: Path) -> No
         assert all(frame.t0_ns <= item.t_ns < frame.t1_ns for item in frame.turn_rates)
     assert utc_s(one.turn_rates) == [tenth / 10 for tenth in range(200)]
     assert utc_s(one.fixes) == pytest.approx(list(range(20)), abs=0.11)
+    assert median(fix.t_ns - (fix.utc_ns or 0) for fix in one.fixes) == 0
     assert one.summary["estimates"]["fuzzy"] > 150
     first, second = one.summary["files"]
     assert (first["file"], second["file"]) == ("a.nmea", "gyro.csv")
