@@ -27,7 +27,8 @@ def test_a_frame_is_unpacked_as_it_was_packed() -> None:
     samples = [ImuSample("imu1", t_ns, 0.5, -0.25, 2.0) for t_ns in (10_000, 30_000, 50_000)]
     rates = [TurnRate(sensor="gyro1", t_ns=t_ns, rate_deg_s=3.0) for t_ns in (20_000, 40_000)]
     line = AisLine(sensor="ais1", t_ns=60_000, text="!AIVDM")
-    for measurement in (*rates, *samples, line, late):
+    measurements: list[Measurement] = [*rates, *samples, line, late]
+    for measurement in measurements:
         framer.add(measurement)
     frame = framer.tick(10**8, Utc(None, None, "none"), 0, ())
     assert measurements_of(frame) == [late, samples[0], rates[0], samples[1], rates[1], samples[2], line]
