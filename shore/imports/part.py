@@ -2,13 +2,18 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
 
 from common.boat_config import BoatTable, SensorTable
 from common.errors import WayfixError
 from common.framer import Measurement
 from shore.imports.job import Job
+from shore.imports.reader import opened
+from shore.imports.recognise import RecordingKind
 
-ALONE = "import it alone, or leave it out"
+ALONE: Final = "import it alone, or leave it out"
+_TEXT: Final = bytes((*range(9, 14), *range(32, 127), *range(128, 256)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,10 +32,15 @@ class TripPart:
 
 
 def check_sound(job: Job) -> None:
-    """Raises WayfixError for a recording of which more than a fifth could not be read.
+    """Raises WayfixError for a recording of which more than a fifth could not be read, or a text with much else in it.
 
     Fewer bad lines are nothing unusual; they are counted, as in an import of one file.
     """
+    if job.kind not in (RecordingKind.FRAMES, RecordingKind.LOG):
+        strange, size = _strange_bytes(job.source)
+        if 200 * strange > size:
+            what = f"is damaged: {strange} of {size} bytes in it are control characters, which no text has"
+            raise WayfixError(what, str(job.source), ALONE)
     taken = sum(account.taken.total() for account in job.accounts)
     if not taken:
         raise WayfixError("nothing in it could be used", str(job.source), "leave it out")
@@ -40,6 +50,16 @@ def check_sound(job: Job) -> None:
             reason, count = account.rejected.most_common(1)[0]
             what = f"is damaged: {rejected} of {account.total} {account.unit} could not be read ({reason}: {count})"
             raise WayfixError(what, str(job.source), ALONE)
+
+
+def _strange_bytes(path: Path) -> tuple[int, int]:
+    """Number of control characters in a file, and of all bytes. A block that was lost holds zeros or anything."""
+    strange = size = 0
+    with opened(path) as stream:
+        while data := stream.read(1 << 20):
+            strange += len(data.translate(None, _TEXT))
+            size += len(data)
+    return strange, size
 
 
 def moved(measurement: Measurement, shift_ns: int) -> Measurement:
