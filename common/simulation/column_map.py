@@ -37,6 +37,8 @@ class TimeColumn:
     """Column with the nanoseconds beyond it (ROS)."""
     unix: ImportOnly[bool] = False
     """True = the column counts from 1970, UTC."""
+    zero_utc: ImportOnly[str | None] = None
+    """UTC at which the column is 0 (a clock that counts from its start), ISO 8601."""
     more: ImportOnly[tuple[str, ...]] = ()
     """Further columns of a time that is text; joined with a blank."""
     format: ImportOnly[str | None] = None

@@ -11,19 +11,31 @@ from shore.terminal import add_json
 
 DESCRIPTION: Final = (
     "Make a log of a recording: NMEA and other serial recordings (up to 128 MiB), frames files, gpsd JSON, Signal K "
-    "deltas and server logs, CSV with a mapping. Told by its content. Exit code 1: nothing in it could be used."
+    "deltas and server logs, CSV with a mapping. Told by its content. Exit code 1: nothing in it could be used. "
+    "Several recordings of one trip become one log by their UTC, with breaks up to half an hour (docs/log-format.md)."
 )
+EXAMPLE: Final = "Example: wayfix import gps.nmea imu.csv:imu-map.toml trip.mcap"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """FILE, OUT and options."""
-    parser.add_argument("recording", metavar="FILE", type=Path, help="what to import")
+    parser.description, parser.epilog = DESCRIPTION, EXAMPLE
+    parser.add_argument(
+        "recording",
+        metavar="FILE",
+        nargs="+",
+        help="what to import; FILE:MAP.toml is a table and its mapping; the sensors of a role are numbered in the "
+        "order of the FILEs",
+    )
     parser.add_argument("out", metavar="OUT.mcap", type=Path, help="the log to write; never overwrites")
     parser.add_argument(
         "--map", type=Path, metavar="MAP.toml", help="which column of a CSV is what (deploy/examples/*-map.toml)"
     )
     parser.add_argument(
-        "--config", type=Path, metavar="BOAT.toml", help="whose sensors they are (default: those found in FILE)"
+        "--config",
+        type=Path,
+        metavar="BOAT.toml",
+        help="whose sensors they are (default: those found in FILE); of several FILEs, by role in the order of both",
     )
     parser.add_argument(
         "--vessel", metavar="NAME", help="whose deltas of a Signal K FILE, by context, URN or MMSI (default: its own)"

@@ -5,6 +5,8 @@ from pathlib import Path
 from common.errors import WayfixError
 from common.settings import read_toml
 from common.simulation.column_map import IMPORT, ColumnMap
+from shore.imports.line_counts import Rejected
+from shore.imports.values import utc_ns_of
 
 
 def read_column_map(path: Path) -> ColumnMap:
@@ -29,5 +31,12 @@ def _check(mapping: ColumnMap, file: str) -> None:
         raise WayfixError("[imu] has one acceleration", file, "give accel_fwd and accel_stb, or neither")
     if time.format is None and (time.more or time.utc):
         raise WayfixError("[time] says how text is read, but not its format", file, "add format")
-    if time.format is not None and (time.nanoseconds or time.unix):
-        raise WayfixError("[time] is text and a number at once", file, "leave format, or nanoseconds and unix out")
+    if time.format is not None and (time.nanoseconds or time.unix or time.zero_utc):
+        cure = "leave format, or nanoseconds, unix and zero_utc out"
+        raise WayfixError("[time] is text and a number at once", file, cure)
+    if time.unix and time.zero_utc is not None:
+        raise WayfixError("[time] counts from 1970 and from zero_utc", file, "leave one of unix and zero_utc out")
+    try:
+        utc_ns_of(time.zero_utc, "zero_utc")
+    except Rejected as reason:
+        raise WayfixError(f"[time] {reason}", file, 'write zero_utc = "2026-11-14T12:00:00Z"') from reason

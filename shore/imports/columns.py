@@ -23,7 +23,7 @@ from shore.imports.line_counts import Account, Rejected
 from shore.imports.reader import ForeignRecord, Sources, opened
 from shore.imports.recognise import HEAD_BYTES
 from shore.imports.record_times import LATEST_NS
-from shore.imports.values import direction_deg, in_range
+from shore.imports.values import direction_deg, in_range, utc_ns_of
 
 Row = dict[str, str]
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
@@ -37,7 +37,8 @@ class ColumnReader:
         """Raises WayfixError for columns that are not there."""
         self.mapping = mapping
         self.boat = mapping.boat
-        self.is_utc = mapping.time.unix or mapping.time.utc
+        self._zero_ns = utc_ns_of(mapping.time.zero_utc) or 0
+        self.is_utc = mapping.time.unix or mapping.time.utc or mapping.time.zero_utc is not None
         self.notes: list[str] = []
         self.sources = Sources()
         self._path = path
@@ -136,7 +137,7 @@ class ColumnReader:
             seconds += _decimal(row[time.nanoseconds]) / NS_PER_S
         if not -4_000_000_000 <= seconds <= 4_000_000_000:
             raise Rejected("out of range")
-        return int(seconds * 1_000_000) * NS_PER_US
+        return self._zero_ns + int(seconds * 1_000_000) * NS_PER_US
 
     def _with_point(self, text: str) -> str:
         """A number as Python reads it: where no comma parts the columns, it may part the decimals."""

@@ -31,6 +31,7 @@ class RecordingKind(StrEnum):
     GPSD = "gpsd JSON"
     SIGNALK = "Signal K deltas"
     SIGNALK_LOG = "Signal K server log"
+    LOG = "log"
 
 
 _MAGICS: Final[tuple[tuple[bytes, str, str], ...]] = (
@@ -72,19 +73,23 @@ _PROGRAM_LOG: Final = re.compile(rb"[0-9]{4}-[0-9]{2}-[0-9]{2} [0-9:,.]+ - [A-Z]
 _JSON_KEY: Final = re.compile(r'"(\w+)"\s*:')
 
 
-def recognise(path: Path, *, has_map: bool, is_serial: bool) -> RecordingKind:
+def recognise(path: Path, *, has_map: bool, is_serial: bool, is_alone: bool = True) -> RecordingKind:
     """The kind of a file; `is_serial`: the user says that it is a recording of a port (--config).
 
-    Raises WayfixError for what cannot be imported, with what it looks like and what to do.
+    is_alone: a log of ours is refused; beside other recordings it is one of them. Raises WayfixError for what cannot be
+    imported, with what it looks like and what to do.
     """
     head = _head(path)
-    kind = _kind(path, head, has_map=has_map, is_serial=is_serial)
+    if not is_alone and _is_own_log(head):
+        kind = RecordingKind.LOG
+    else:
+        kind = _kind(path, head, has_map=has_map, is_serial=is_serial)
     if kind is RecordingKind.TABLE and not has_map:
         table = table_in(head)
         assert table is not None
         _refuse_table(path, table)
     if kind is not RecordingKind.TABLE and has_map:
-        raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "leave --map out")
+        raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "leave the mapping out")
     return kind
 
 
@@ -115,7 +120,7 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
         return RecordingKind.SERIAL
     if has_map:
         cure = "give a CSV file: a line of column names, and rows of as many fields"
-        raise WayfixError("is no table that --map could be for", str(path), cure)
+        raise WayfixError("is no table that a mapping could be for", str(path), cure)
     raise WayfixError("is a text of a kind that is not known here", str(path), f"{_KNOWN}; with --config too")
 
 
@@ -137,7 +142,7 @@ def _refuse_magic(path: Path, head: bytes) -> None:
             cure = "use the log itself, or import its NMEA export (`wayfix export LOG --to nmea OUT`)"
             raise WayfixError(f"is a track of `wayfix export` ({name}), no recording of sensors", str(path), cure)
     if head.startswith(_MCAP):
-        if b"wayfix" in head[:64]:
+        if _is_own_log(head):
             raise WayfixError(
                 "is a log already", str(path), "`wayfix replay` runs it again, `wayfix log recover` mends it"
             )
@@ -145,6 +150,11 @@ def _refuse_magic(path: Path, head: bytes) -> None:
     for magic, name, cure in _MAGICS:
         if head.startswith(magic):
             raise WayfixError(f"is {name}", str(path), cure)
+
+
+def _is_own_log(head: bytes) -> bool:
+    # An export of ours is MCAP too; its mark stands further behind.
+    return head.startswith(_MCAP) and b"wayfix" in head[:64] and b"wayfix-export" not in head[:512]
 
 
 def _json_kind(path: Path, lines: list[bytes]) -> RecordingKind | None:
@@ -215,7 +225,7 @@ def _refuse_table(path: Path, table: Table) -> NoReturn:
     if "scan" in names and not any("own" in name for name in names):
         raise WayfixError("holds decoded radar detections, nothing of the boat's own sensors", str(path), _KNOWN)
     example = example_of(table)
-    cure = "say with --map MAP.toml which column is what; " + (
+    cure = "say with --map MAP.toml, or FILE:MAP.toml, which column is what; " + (
         f"deploy/examples/{example} is for files with these columns" if example else _EXAMPLES
     )
     raise WayfixError(f"is a table with the columns {columns}", str(path), cure)

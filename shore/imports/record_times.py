@@ -76,6 +76,11 @@ class Plan:
         else:
             self._at = array("q", (whole_us(round(number * NS_PER_S / pace_hz)) for number in range(len(self._at))))
 
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """First and last boat time, ns; there must be one."""
+        return min(t_ns for t_ns in self._at if t_ns != NO_TIME), max(self._at)
+
     def at(self, number: int) -> int | None:
         """Boat time of a record (ns, whole us), `None` = left out."""
         t_ns = self._at[number]

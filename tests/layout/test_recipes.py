@@ -138,9 +138,9 @@ def import_kind(tree: Tree) -> None:
     tree.after(
         kinds, "_refuse_magic(path, head)", '    if head.startswith(b"place "):\n        return RecordingKind.PLACES\n'
     )
-    tree.after(run, "from shore.imports.record_times", "from shore.imports.places import PlacesReader\n")
-    case = "            case RecordingKind.PLACES:\n"
-    made = "                return _from_reader(job, lambda progress: PlacesReader(Lines(job.source, progress)))\n"
+    tree.after(run, "from shore.imports.part", "from shore.imports.places import PlacesReader\n")
+    case = "        case RecordingKind.PLACES:\n"
+    made = "            return _from_reader(job, lambda progress: PlacesReader(Lines(job.source, progress)))\n"
     tree.after(run, "match job.kind:", case + made)
     (tree.root / "places").write_text("place 50.0 -4.0\nplace 50.1 -4.0\n", encoding="ascii")
     said = tree.wayfix("import", "places", "out.mcap", "--filters", "none", "--json")

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -109,14 +110,21 @@ class Importer:
 
     def __call__(self, source: Path, *options: str, out: str = "out.mcap", filters: str = "none") -> Imported:
         """Raises WayfixError as the command does."""
+        return self.together([source], *options, out=out, filters=filters)
+
+    def together(
+        self, sources: Sequence[Path | str], *options: str, out: str = "out.mcap", filters: str = "none"
+    ) -> Imported:
+        """Several recordings, each a path or FILE:MAP.toml."""
         parser = argparse.ArgumentParser()
         add_arguments(parser)
         target = self.directory / out
         self._capsys.readouterr()
-        code = run(parser.parse_args([str(source), str(target), "--json", "--filters", filters, *options]))
+        code = run(parser.parse_args([*map(str, sources), str(target), "--json", "--filters", filters, *options]))
         said = self._capsys.readouterr()
         summary = json.loads(said.out.splitlines()[-1]) if said.out else {}
-        for account in summary.get("accounts", {}).values():
+        accounts = [summary.get("accounts", {}), *(file["accounts"] for file in summary.get("files", []))]
+        for account in (account for each in accounts for account in each.values()):
             assert account["total"] == sum(sum(account[group].values()) for group in ("taken", "ignored", "rejected"))
         return Imported(code, summary, target, said.err)
 
