@@ -4,7 +4,7 @@ What is drawn for each compass, and where its size comes from:
 
 * Deviation: A 1.5 deg, B and C 3.5 deg, D 1 deg, E 0.5 deg (1-sigma), so that its largest value is 4 to 8 deg for most
   (judge.md, `real-*`; form: Bowditch, American Practical Navigator, ch. 6; the sums of sines are `Deviation`). What the
-  boat's file states as `deviation_deg` is the business of the encoder.
+  boat's file states as `deviation_deg` comes on top, for the station takes it off.
 * Heeling error: 0.2 to 0.8 deg for each degree of roll at headings north and south, either sign, falling to none at
   east and west (Bowditch, ch. 6; judge.md: 0.5). Waves and the heel of turns show in the heading.
 * An error of 1 to 2.5 deg that lasts 40 to 90 s (judge.md and real-boats.md: 2 deg over 60 s), 0.3 to 1 deg of white
@@ -75,7 +75,7 @@ def compass_readings(truth: Truth, sensor: SensorTable, draws: Draws) -> Iterato
     lasting = drift_path(
         gauss_markov(compass.lasting_deg, compass.lasts_s), t_s, draws.normals(f"{sensor.id} drift", len(t_s), 1)[0]
     )[:, 0]
-    heading = np.mod(heading + lasting + compass.white_deg * normals[:, 0], 360.0)
+    heading = np.mod(heading - sensor.deviation_deg + lasting + compass.white_deg * normals[:, 0], 360.0)
     heading[heading >= 360.0] = 0.0  # a tiny negative angle rounds up to 360
     rate += compass.turn_rate_deg_s + 0.3 * normals[:, 1]
     tilt = felt_tilt_deg(truth, t_s - compass.late_s) + compass.askew_deg + 0.1 * normals[:, 2:]

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from common.boat_config import SensorTable
 from common.geodesy import LocalPlane
 from common.simulation.motion import Truth, sample_times_s
@@ -90,12 +92,15 @@ class ThesisSensor:
         name, seen = self.table.id, self._when_measured(truth)
         tilt_deg = 0.0 if self.table.model in TILTED else None
         headings = compass_heading_deg(seen, self.phases, self.draws, self.flaws, name)[0]
+        if self.table.deviation_deg:  # the file knows it, and the station takes it off
+            headings = np.mod(headings - self.table.deviation_deg, 360.0)
         for t_s, heading in zip(seen.t_s.tolist(), headings.tolist(), strict=True):
             yield Timed(t_s, name, HeadingReading(heading, pitch_deg=tilt_deg, roll_deg=tilt_deg))
 
     def _samples(self, truth: Truth) -> Iterator[Timed]:
         name, seen, is_imu = self.table.id, self._when_measured(truth), self.table.role == "imu"
         samples = imu_samples(seen, self.phases, self.draws, self.flaws, name).values[0]
+        samples += (self.table.bias_accel_fwd_m_s2, self.table.bias_accel_stb_m_s2, self.table.bias_yaw_rate_deg_s)
         for t_s, sample in zip(seen.t_s[1:].tolist(), samples.tolist(), strict=True):
             yield Timed(t_s, name, ImuReading(*sample) if is_imu else TurnRateReading(sample[2]))
 

@@ -117,6 +117,30 @@ def test_gyro_and_imu_turn_alike() -> None:
     assert np.abs(imu - gyro).max() > 0.0
 
 
+@pytest.mark.parametrize("world", ["5.1", "real-lake"])
+def test_errors_that_the_file_knows_are_in_the_readings(world: str) -> None:
+    """The station takes stated biases and deviation off, so the devices of that file must have them."""
+    known = tuple(
+        replace(table, deviation_deg=10.0, bias_accel_fwd_m_s2=0.3, bias_accel_stb_m_s2=-0.2, bias_yaw_rate_deg_s=2.0)
+        for table in SENSORS
+    )
+    plain, stated = (
+        boat_voyage(find_world(world), replace(BOAT, sensor=sensors), seconds=5.0) for sensors in (SENSORS, known)
+    )
+    for before, after in zip(plain.readings, stated.readings, strict=True):
+        match before.reading, after.reading:
+            case HeadingReading(one), HeadingReading(other):
+                assert (one - other) % 360.0 == pytest.approx(10.0)
+            case ImuReading(fwd, stb, yaw_rate), ImuReading() as other_sample:
+                assert other_sample.accel_fwd_m_s2 - fwd == pytest.approx(0.3)
+                assert other_sample.accel_stb_m_s2 - stb == pytest.approx(-0.2)
+                assert other_sample.yaw_rate_deg_s - yaw_rate == pytest.approx(2.0)
+            case TurnRateReading(rate), TurnRateReading(other_rate):
+                assert other_rate - rate == pytest.approx(2.0)
+            case _:
+                assert before == after
+
+
 def test_a_receiver_with_static_navigation_holds_its_fix_while_slow() -> None:
     voyage = boat_voyage(find_world("real-anchor"), with_sensors("gps1"), seed=3, seconds=120.0)
     held = with_quirks(voyage, ["gps1:static-navigation"])
