@@ -51,7 +51,7 @@ COMPASSES: Final = {
     "hmr3000": Prints(tilt="beside", disturbed="heading O"),
     "kvh-c100": Prints(),
 }
-"""Every model of compass by its name in the boat's file."""
+"""Models of compass by their name in the boat's file; one that is not here prints a heading to a tenth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class Measured:
         yield ClockPair(sensor=self.sensor.id, t_ns=t_ns, utc_ns=utc_ns, source="RMC")
 
     def _heading(self, t_ns: int, reading: HeadingReading) -> Iterator[Measurement]:
-        name, prints = self.sensor.id, COMPASSES[self.sensor.model]
+        name, prints = self.sensor.id, COMPASSES.get(self.sensor.model, Prints())
         magnetic_deg = wrap_deg(reading.heading_true_deg - self.variation_deg)
         heading = Heading(
             sensor=name,
