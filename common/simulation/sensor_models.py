@@ -47,7 +47,7 @@ class Draws:
         return np.stack([each.standard_normal(shape) for each in self.of(stream)])
 
     def of(self, stream: str) -> list[np.random.Generator]:
-        """The generators of a stream, one a run: of `STREAMS`, or of any other name, the same whatever else is drawn."""
+        """The generators of a stream, one a run: of `STREAMS` or any other name; no stream moves another."""
         for root, each in zip(self._roots, self._generators, strict=True):
             if stream not in each:
                 each[stream] = _named(root, stream)
