@@ -34,9 +34,11 @@ class Supervisor:
         self.socket.settimeout(10)
         self.heard: list[str] = []
 
-    def until(self, start: str) -> list[str]:
-        """Everything up to the first datagram that begins so."""
+    def until(self, start: str, longest_s: float = 20.0) -> list[str]:
+        """Everything up to the first datagram that begins so, for a while: watchdog marks come for ever."""
+        end = time.monotonic() + longest_s
         while not (self.heard and self.heard[-1].startswith(start)):
+            assert time.monotonic() < end, self.heard
             self.heard.append(self.socket.recv(4096).decode())
         return self.heard
 
@@ -66,8 +68,10 @@ def test_a_real_daemon_tells_ready_status_watchdog_and_stopping_in_order(
     daemon = Process("wayfix-onboard", "run", "--open", compass_config(tmp_path, nowhere="/dev/nowhere"))
     try:
         supervisor.until("READY=1")
-        supervisor.until("STATUS=")
-        assert supervisor.heard[-1] == "STATUS=boat b, 0 of 1 sensors deliver, 0 clients"
+        if not any(item.startswith("STATUS=") for item in supervisor.heard):  # on a busy machine it may come before
+            supervisor.until("STATUS=")
+        statuses = [item for item in supervisor.heard if item.startswith("STATUS=")]
+        assert statuses == ["STATUS=boat b, 0 of 1 sensors deliver, 0 clients"]
         assert "nowhere cannot be opened: no such device" in "\n".join(daemon.err)
         supervisor.heard.clear()
         time.sleep(1.0)
