@@ -55,7 +55,8 @@ class RealScenario:
             )
         root = np.random.SeedSequence((seed, zlib.crc32(self.name.encode())))
         helm, boat, water = (np.random.default_rng(child) for child in root.spawn(3))
-        count = round((seconds or self.seconds) / STEP_S) + 1
+        # One step is the least: velocities are differences.
+        count = max(1, round((self.seconds if seconds is None else seconds) / STEP_S)) + 1
         t_s = np.round(np.arange(count) * STEP_S, 9)
         hull = drawn_hull(boat)
         if self.habits is None:

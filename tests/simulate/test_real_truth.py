@@ -73,6 +73,12 @@ def test_a_seed_is_a_boat_and_a_longer_run_goes_on_from_a_shorter(scenario: Real
     assert np.hypot(other.east_m - first.east_m, other.north_m - first.north_m).max() > 3.0
 
 
+@pytest.mark.parametrize("seconds", [0.0, 0.01])
+def test_the_shortest_voyage_is_one_step(scenario: RealScenario, seconds: float) -> None:
+    short = scenario.truth(5, seconds)
+    np.testing.assert_array_equal(columns(short), columns(scenario.truth(5, 1.0))[:2])
+
+
 def test_hulls_heel_and_slide_outward_in_turns_and_lift_their_bows() -> None:
     slopes = []
     for seed in range(1, 11):
