@@ -25,7 +25,8 @@ sigma_m is one number for both axes; a scenario's own noise may differ by axis a
 
 
 LOOK_NS: Final = 20 * NS_PER_S
-"""Part of a voyage over which the load of a port is judged, ns."""
+"""Part of a voyage over which the load of a port is judged, ns; all of a shorter one, but at least `LEAST_LOOK_NS`."""
+LEAST_LOOK_NS: Final = 5 * NS_PER_S
 
 
 class VoyageSource:
@@ -81,9 +82,10 @@ class VoyageSource:
 
     def overloads(self) -> Iterator[str]:
         """A sentence for each port that cannot carry its lines: they queue, and come later and later."""
+        look_ns = min(LOOK_NS, max(LEAST_LOOK_NS, round(self._voyage.seconds * NS_PER_S)))
         for port in self._voyage.config.port:
-            lines = takewhile(lambda line: line.ready_ns < LOOK_NS, self._lines(port.name, 0, 0))
-            share = sum(len(line.data) for line in lines) * BITS_PER_BYTE * NS_PER_S / (port.baud * LOOK_NS)
+            lines = takewhile(lambda line: line.ready_ns < look_ns, self._lines(port.name, 0, 0))
+            share = sum(len(line.data) for line in lines) * BITS_PER_BYTE * NS_PER_S / (port.baud * look_ns)
             if share > 1.0:
                 yield (
                     f"{port.name}: {port.baud} baud carry {1.0 / share:.0%} of what its sensors send, so lines come "

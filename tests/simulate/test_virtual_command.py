@@ -260,14 +260,15 @@ def test_a_boat_that_cannot_be_simulated_is_one_sentence(tmp_path: Path, old: st
     assert words in str(caught.value)
 
 
-def test_a_port_that_is_too_slow_is_said_before_it_starts() -> None:
-    slow = PortTable(name="a", path="a", baud=4800)
+@pytest.mark.parametrize("seconds", [5.0, 30.0])
+def test_a_port_that_is_too_slow_is_said_before_it_starts(seconds: float) -> None:
+    slow = PortTable(name="a", path="a", baud=9600)
     imu = SensorTable(id="imu1", port="a", role="imu", model="arduimu", rate_hz=20.0)
     boat = BoatConfig(boat=BoatTable(id="b", variation_deg=0.0), port=(slow,), sensor=(imu,))
-    (sentence,) = VoyageSource(boat_voyage(find_world("5.1"), boat, seconds=30.0)).overloads()
-    assert sentence.startswith("a: 4800 baud carry ")
+    (sentence,) = VoyageSource(boat_voyage(find_world("5.1"), boat, seconds=seconds)).overloads()
+    assert sentence.startswith("a: 9600 baud carry ")
     fast = replace(boat, port=(replace(slow, baud=38400),))
-    assert list(VoyageSource(boat_voyage(find_world("5.1"), fast, seconds=30.0)).overloads()) == []
+    assert list(VoyageSource(boat_voyage(find_world("5.1"), fast, seconds=seconds)).overloads()) == []
 
 
 def test_without_numpy_it_says_so_and_the_options_still_load() -> None:
