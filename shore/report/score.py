@@ -140,6 +140,7 @@ class Score:
         self.position: dict[str, Errors] = {"gps": Errors()}
         self.heading: dict[str, Errors] = {"compass": Errors()}
         self._reader = Reader(config, lambda _event: None)
+        self._has_position = False
 
     def take_frame(self, frame: Frame) -> None:
         """Raw fixes and headings of one frame."""
@@ -168,6 +169,7 @@ class Score:
         }
 
     def _position(self, name: str, t_ns: int, lat_deg: float, lon_deg: float) -> None:
+        self._has_position = True
         truth = self.reference.at(t_ns)
         if truth is not None:
             east_m, north_m = self.reference.plane.to_east_north_m(lat_deg, lon_deg)
@@ -179,7 +181,10 @@ class Score:
             self.heading.setdefault(name, Errors()).add(t_ns, difference_deg(heading_true_deg, truth[2]))
 
     def check(self, reference: Path) -> None:
-        """After the last value: raises WayfixError when nothing could be scored."""
+        """After the last value: raises WayfixError when no position could be scored."""
+        if not self._has_position:
+            cure = "a boat without a receiver cannot be scored"
+            raise WayfixError("the log has neither a fix nor an estimate to compare", str(reference), cure)
         if not any(errors.t_ns for errors in self.position.values()):
             cure = "give the track of the same trip, with t_s from its first frame or t_ns on the boat clock"
             raise WayfixError("does not overlap with the log in time", str(reference), cure)

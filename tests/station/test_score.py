@@ -89,3 +89,5 @@ def test_frames_and_estimates_are_gone_through_once(tmp_path: Path) -> None:
     assert summary["heading_rms_deg"] == {"compass": None, "ukf": 10.0}
     with pytest.raises(WayfixError, match="does not overlap"):
         score_of(path, BOAT, iter([replace(frame, fixes=())]), iter([{**estimate, "t_ns": 9 * NS_PER_S}]))
+    with pytest.raises(WayfixError, match="neither a fix nor an estimate"):
+        score_of(path, BOAT, iter([replace(frame, fixes=())]), iter([]))
