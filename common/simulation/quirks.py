@@ -27,6 +27,8 @@ class Quirk:
     text: str
     change: Callable[[Iterable[Timed]], Iterator[Timed]]
     """Makes the readings of one sensor what a device with the quirk gives."""
+    models: tuple[str, ...] = ()
+    """Models that can show it; empty = all of the role."""
 
 
 def _static_navigation(readings: Iterable[Timed]) -> Iterator[Timed]:
@@ -78,7 +80,10 @@ QUIRKS: Final = {
     "four-decimals": Quirk("gps", "minutes with four decimals, 0.19 m of latitude each", _four_decimals),
     "whole-degrees": Quirk("compass", "headings without decimals", _whole_degrees),
     "disturbed": Quirk(
-        "compass", "the distortion word (TCM2) or status letter (HMR3000), a third of each minute", _disturbed
+        "compass",
+        "the distortion word (TCM2) or status letter (HMR3000), a third of each minute",
+        _disturbed,
+        ("tcm2", "hmr3000"),
     ),
 }
 
@@ -92,16 +97,18 @@ def with_quirks(voyage: Voyage, wanted: Sequence[str], where: str = "--quirk") -
 
 def _with_one(voyage: Voyage, text: str, where: str) -> Voyage:
     sensor, _, name = text.partition(":")
-    roles = {table.id: table.role for table in voyage.config.sensor}
-    quirk = QUIRKS.get(name)
+    tables = {table.id: table for table in voyage.config.sensor}
+    quirk, table = QUIRKS.get(name), tables.get(sensor)
     if quirk is None:
         raise WayfixError(f"{text!r} names no quirk", where, f"give SENSOR:NAME with one of {', '.join(QUIRKS)}")
-    if sensor not in roles:
-        raise WayfixError(f"the boat has no sensor {sensor!r}", where, f"choose one of: {', '.join(roles)}")
-    if roles[sensor] != quirk.role:
-        raise WayfixError(
-            f"{name} is for a {quirk.role}, {sensor} is a {roles[sensor]}", where, "choose another sensor"
-        )
+    if table is None:
+        raise WayfixError(f"the boat has no sensor {sensor!r}", where, f"choose one of: {', '.join(tables)}")
+    if table.role != quirk.role:
+        words = f"{name} is for a {quirk.role}, {sensor} is a {table.role}"
+        raise WayfixError(words, where, "choose another sensor")
+    if quirk.models and table.model not in quirk.models:
+        words = f"{name} is for {' and '.join(quirk.models)}, {sensor} is a {table.model}"
+        raise WayfixError(words, where, "choose another sensor")
     changed = quirk.change(timed for timed in voyage.readings if timed.sensor == sensor)
     readings = tuple(next(changed) if timed.sensor == sensor else timed for timed in voyage.readings)
     return replace(voyage, readings=readings)

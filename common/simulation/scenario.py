@@ -57,6 +57,10 @@ class World(Protocol):
         """What really happens for so many seconds (`None` = as long as it is); one seed, one track."""
         ...
 
+    def draws(self, seed: int) -> Draws:
+        """Random numbers of all sensors of the boat of a seed."""
+        ...
+
     def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
         """What one sensor of the boat's file measures on the way, in order of time."""
         ...
@@ -116,6 +120,10 @@ class Scenario:
         """Sail it: the same for every seed, so its columns cannot be written to. A mission ends when it ends."""
         del seed
         return _sailed(self.mission, self.current).until(seconds)
+
+    def draws(self, seed: int) -> Draws:
+        """The same for every scenario: methods and scenarios are compared on the same noise."""
+        return Draws(seed)
 
     def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
         """What one sensor measures: `gps1`, `compass1` and `imu1` have the errors of the phases.

@@ -53,7 +53,7 @@ class RealScenario:
             raise WayfixError(
                 f"{self.name} is simulated for at most {LONGEST_S / 3600.0:g} h at once", "--seconds", cure
             )
-        root = np.random.SeedSequence((seed, zlib.crc32(self.name.encode())))
+        root = np.random.SeedSequence(self._entropy(seed))
         helm, boat, water = (np.random.default_rng(child) for child in root.spawn(3))
         # One step is the least: velocities are differences.
         count = max(1, round((self.seconds if seconds is None else seconds) / STEP_S)) + 1
@@ -64,6 +64,13 @@ class RealScenario:
         else:
             course = steered(boat, t_s, programme(helm, self.habits, count), hull)
         return afloat(water, t_s, course, hull, self.weather)
+
+    def draws(self, seed: int) -> Draws:
+        """Sensors of their own for each seed of each world, so that figures over several worlds are independent."""
+        return Draws(np.random.SeedSequence((*self._entropy(seed), 1)))
+
+    def _entropy(self, seed: int) -> tuple[int, int]:
+        return seed, zlib.crc32(self.name.encode())
 
     def readings(self, truth: Truth, sensor: SensorTable, draws: Draws) -> Iterator[Timed]:
         """What one sensor measures on the way."""

@@ -8,7 +8,6 @@ from common.geodesy import LocalPlane
 from common.simulation.motion import Truth
 from common.simulation.readings import Timed
 from common.simulation.scenario import World
-from common.simulation.sensor_models import Draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +40,7 @@ def boat_voyage(world: World, config: BoatConfig, seed: int = 1, seconds: float 
     What a sensor measures depends on world, seed and its own table, never on what other sensors there are. In one
     instant the sensors speak in the order of the file.
     """
-    truth, draws = world.truth(seed, seconds), Draws(seed)
+    truth, draws = world.truth(seed, seconds), world.draws(seed)
     each = [world.readings(truth, sensor, draws) for sensor in config.sensor]
     readings = heapq.merge(*each, key=lambda timed: timed.t_s)
     return Voyage(name=world.name, config=config, plane=world.plane, truth=truth, readings=tuple(readings))

@@ -23,7 +23,7 @@ def virtual_boat(path: Path) -> BoatConfig:
     config = load(path)
     names = [port.name for port in config.port]
     faults = [
-        f"[[port]] {name!r}: a virtual port is a file of that name, use letters, digits, - and _"
+        f"[[port]] {name!r}: a virtual port is a file beside {', '.join(TAKEN)}; use letters, digits, - and _"
         for name in names
         if not _PLAIN.fullmatch(name) or name in TAKEN
     ]

@@ -174,6 +174,7 @@ def test_quirks_change_what_is_printed_and_nothing_else() -> None:
         ("whole-degrees", "names no quirk"),
         ("compass9:whole-degrees", "no sensor 'compass9'"),
         ("gps1:whole-degrees", "is for a compass, gps1 is a gps"),
+        ("compass1:disturbed", "is for tcm2 and hmr3000, compass1 is a nmea"),
     ],
 )
 def test_a_wrong_quirk_is_one_sentence(quirk: str, words: str) -> None:

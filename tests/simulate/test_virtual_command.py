@@ -244,8 +244,8 @@ def test_wrong_input_is_told_in_one_sentence(tmp_path: Path, options: list[str],
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('name = "gyro"', 'name = "../gyro"', "[[port]] '../gyro': a virtual port is a file of that name"),
-        ('name = "kvh"', 'name = "truth.csv"', "[[port]] 'truth.csv': a virtual port is a file of that name"),
+        ('name = "gyro"', 'name = "../gyro"', "[[port]] '../gyro': a virtual port is a file beside boat.toml"),
+        ('name = "kvh"', 'name = "truth.csv"', "[[port]] 'truth.csv': a virtual port is a file beside boat.toml"),
         ('model = "tcm2"', 'model = "tcm9"', 'no driver for role "compass" with model "tcm9"'),
         ("baud = 9600", "baud = fast", "is not valid TOML"),
     ],
