@@ -99,12 +99,15 @@ def test_the_same_arithmetic_is_equal_and_nothing_is_said_of_it(
 def judge_elsewhere(log: Path, word: str, **environment: str) -> int:
     """Number of estimates that are near, after all that must hold on another arithmetic."""
     code, words, summary = elsewhere(log, **environment)
-    assert code == 0
-    assert f"the log was made with another arithmetic, {word} " in words
-    assert "compared within 1e-09 (m, m/s, rad, deg;" in words
+    assert code == 0, words
     counts = summary["estimates"]
     assert counts["equal"] + counts["near"] == counts["recorded"] == counts["made"]
     assert summary["verdicts"] == []
+    if summary["other_arithmetic"] is None:  # OpenBLAS has put one of this processor in the place of such a kernel
+        assert counts["near"] == 0
+    else:
+        assert f"the log was made with another arithmetic, {word} " in words
+        assert "compared within 1e-09 (m, m/s, rad, deg;" in words
     return int(counts["near"])
 
 
@@ -120,7 +123,6 @@ def test_another_kernel_gives_the_same_answer_within_the_tolerance(short: Path) 
 @pytest.mark.slow
 @pytest.mark.skipif(not other_kernels() or HERE["kernel"] == "not known", reason="numpy has no OpenBLAS here")
 def test_under_each_kernel_a_whole_log_is_the_same_answer(log: Path) -> None:
-    """Kernels that this processor has not are replaced by OpenBLAS: such a run shows what runs there."""
     for kernel in other_kernels():
         judge_elsewhere(log, "BLAS kernel", OPENBLAS_CORETYPE=kernel)
 
