@@ -12,6 +12,9 @@ DIGITS: Final = 5
 """Significant digits that are kept of covariances, sigmas and what the channels report."""
 STATE_SHARE: Final = 3
 """Decimals kept below the 1-sigma of a number of the state: it is rounded to a thousandth of that."""
+TOLERANCE: Final = 1e-9
+"""How far the same calculation may come out elsewhere, in the unit of the number (m, m/s, rad, deg, kn ...): numbers of
+the covariance in shares of the product of their two sigmas, those of the channels in shares of themselves above 1."""
 PLACE_DECIMALS: Final = 9
 """Decimals of latitude and longitude (deg): the last one is 0.1 mm."""
 ANGLE_DECIMALS: Final = 5
@@ -23,10 +26,9 @@ def logged(record: Record) -> Record:
 
     The 8-hour log of a small boat is half as large for it. A replay compares digests, so equality is still bit for bit.
     """
-    variances = _diagonal(record["covariance"], len(record["state"]))
     return {
         **record,
-        "state": [_below(value, variance) for value, variance in zip(record["state"], variances, strict=True)],
+        "state": _state(record),
         "covariance": [_digits(value) for value in record["covariance"]],
         "origin_lat_deg": round(record["origin_lat_deg"], PLACE_DECIMALS),
         "origin_lon_deg": round(record["origin_lon_deg"], PLACE_DECIMALS),
@@ -46,6 +48,29 @@ def logged(record: Record) -> Record:
     }
 
 
+def is_stored_in(data: bytes, record: Record) -> bool:
+    """True when the JSON of a log's estimate holds digest, state, place, heading and alignment of `record`.
+
+    It looks for their text, because to read the JSON or to round the covariance costs more than all the rest. False may
+    also mean that another program wrote the JSON in another way.
+    """
+    state = str(_state(record)).replace(" ", "")
+    lat_deg, lon_deg = round(record["lat_deg"], PLACE_DECIMALS), round(record["lon_deg"], PLACE_DECIMALS)
+    heading_deg = _direction(record["heading_true_deg"])
+    aligned = b'"aligned":true,' if record["aligned"] else b'"aligned":false,'
+    return (
+        digest_of(record).encode() in data
+        and f'"state":{state},'.encode() in data
+        and f'"lat_deg":{lat_deg},"lon_deg":{lon_deg},"heading_true_deg":{heading_deg},'.encode() in data
+        and aligned in data
+    )
+
+
+def _state(record: Record) -> list[float]:
+    variances = _diagonal(record["covariance"], len(record["state"]))
+    return [_below(value, variance) for value, variance in zip(record["state"], variances, strict=True)]
+
+
 def digest_of(record: Record) -> str:
     """16 hex digits over every number and word of `Estimate.as_record()`; a stored record says its own."""
     if "digest" in record:
@@ -56,6 +81,77 @@ def digest_of(record: Record) -> str:
     digest = blake2b(struct.pack(f"<{len(numbers)}d", *numbers), digest_size=8)
     digest.update(f"{whole} {words}".encode())
     return digest.hexdigest()
+
+
+def is_near(record: Record, recorded: Record) -> bool:
+    """True when what was recorded is what numbers within `TOLERANCE` of those of `Estimate.as_record()` are stored as.
+
+    All words and whole numbers must be equal. The digest is not looked at.
+    """
+    stored_as = logged if "digest" in recorded else dict  # logs of the first form are not rounded
+    # A variance decides how a number of the state is rounded, so that it is moved apart from the numbers.
+    moves = [(by, of_variance) for by in (-TOLERANCE, TOLERANCE) for of_variance in (-TOLERANCE, TOLERANCE)]
+    near = [stored_as(_moved(record, *move)) for move in moves]
+    return (
+        all(
+            _is_among([each[name] for each in near], value)
+            for name, value in _turned(record, recorded).items()
+            if name in record
+        )
+        and record.keys() <= recorded.keys()
+    )
+
+
+def _turned(record: Record, recorded: Record) -> Record:
+    """What was recorded; a heading of due south, which is stored as pi or -pi, on the side of the other one."""
+    if "heading_rad" not in record["names"] or len(recorded.get("state") or ()) != len(record["state"]):
+        return recorded
+    place = record["names"].index("heading_rad")
+    ours, theirs = record["state"][place], recorded["state"][place]
+    if math.pi - abs(ours) > TOLERANCE or not isinstance(theirs, float):
+        return recorded
+    turned = math.copysign(theirs, ours)
+    return {**recorded, "state": [*recorded["state"][:place], turned, *recorded["state"][place + 1 :]]}
+
+
+def _is_among(near: list[Any], recorded: Any) -> bool:
+    """True when a number lies between those that are near, or anything else is equal to them."""
+    first = near[0]
+    if isinstance(first, dict):
+        return isinstance(recorded, dict) and all(
+            _is_among([each[key] for each in near], recorded.get(key)) for key in first
+        )
+    if isinstance(first, list):
+        return (
+            isinstance(recorded, list)
+            and len(recorded) == len(first)
+            and all(map(_is_among, map(list, zip(*near, strict=True)), recorded))
+        )
+    if isinstance(first, float):
+        return isinstance(recorded, int | float) and min(near) <= recorded <= max(near)
+    return bool(first == recorded)
+
+
+def _moved(record: Record, by: float, of_variance: float) -> Record:
+    """The estimate with all numbers moved; `of_variance` moves the covariance."""
+    size = len(record["state"])
+    sigmas = [math.sqrt(abs(variance)) for variance in _diagonal(record["covariance"], size)]
+    products = [sigmas[row] * sigmas[column] for row in range(size) for column in range(row, size)]
+    whole = {name: value + by for name, value in record.items() if isinstance(value, float)}
+    return {
+        **record,
+        **whole,
+        "state": [value + by for value in record["state"]],
+        "covariance": [
+            value + of_variance * scale for value, scale in zip(record["covariance"], products, strict=True)
+        ],
+        "channels": {
+            channel: {
+                name: value + by * max(1.0, abs(value)) if value is not None else None for name, value in report.items()
+            }
+            for channel, report in record["channels"].items()
+        },
+    }
 
 
 def _numbers(record: Record) -> Iterator[float]:

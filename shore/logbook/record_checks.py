@@ -108,6 +108,7 @@ _SESSIONS: Final[dict[str, Record]] = {
         "options": _Maybe({"filters": _Maybe(_TEXTS), "step_s": _Maybe(_NUMBER)}),
         "connected": _Maybe({"config": _Maybe(_CONFIG), "file": _Maybe(_OBJECT), "versions": _Maybe(_OBJECT)}),
         "versions": _Maybe(_OBJECT),
+        "arithmetic": _Maybe(_OBJECT),
         "utc_ns": _Maybe(_TIME),
     },
     "trip": {"name": _Maybe(_TEXT), "place": _Maybe(_TEXT), "note": _Maybe(_TEXT)},

@@ -5,6 +5,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from common.errors import WayfixError
+from shore.logbook.arithmetic import arithmetic_here
 from shore.logbook.summary import KEPT
 
 LIBRARIES: Final = ("wayfix", "numpy", "msgpack", "mcap", "pygeomag")
@@ -17,10 +18,18 @@ def start_record(connected: dict[str, Any], options: dict[str, Any], utc_ns: int
     """What a log begins with.
 
     connected: the board's greeting, with its whole configuration (calibration included) and versions. options: at least
-    `filters` and `step_s`. utc_ns: when it began.
+    `filters` and `step_s`. utc_ns: when it began. Versions and arithmetic are those of this process.
     """
     versions = {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
-    return {"kind": "start", "options": options, "connected": connected, "versions": versions, "utc_ns": utc_ns}
+    arithmetic = {name: value for name, value in arithmetic_here().items() if name not in versions}
+    return {
+        "kind": "start",
+        "options": options,
+        "connected": connected,
+        "versions": versions,
+        "arithmetic": arithmetic,
+        "utc_ns": utc_ns,
+    }
 
 
 def trip_record(name: str | None, place: str | None, note: str | None) -> dict[str, Any] | None:

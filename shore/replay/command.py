@@ -8,19 +8,20 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from common.command import number
+from common.command import number, printable
 from common.errors import WayfixError
 from shore.settings.arguments import add_filter_arguments, add_settings
 from shore.terminal import add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
 
 if TYPE_CHECKING:
-    from shore.replay.comparison import Counts
+    from shore.replay.comparison import Comparison, Counts
     from shore.replay.frames import Span
     from shore.replay.run import Replay
     from shore.report.score import Consistency, Score
     from shore.watchers.watcher import Watcher
 
 LONGEST_S = 1e9
+VERDICTS_SHOWN = 20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +74,7 @@ def span_of(arguments: argparse.Namespace) -> "Span":
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Feed a log's frames to the filters again; compare with the recorded estimates and a reference."""
+    """Feed a log's frames to the filters again; compare with the recorded estimates and a reference; 1 = it differs."""
     from common.atomic_file import check_target
     from shore.replay.run import Replay
     from shore.report.score import consistency_table, score_table
@@ -108,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
         summary.update(scores)
         tell(score_table(scores))
     finish(arguments, summary)
-    return 0
+    return int(is_whole and replay.differs)
 
 
 class Looked:
@@ -231,6 +232,8 @@ def _compared(replay: "Replay") -> dict[str, Any]:
             tell(f"estimates are not compared with recorded ones: {why_not}")
         counts = Counts(made=replay.estimates)
         return {"estimates": {**asdict(counts), "not_compared": why_not}, "events": None, "first_difference": None}
+    if replay.other_arithmetic:
+        tell(_other_arithmetic(replay.other_arithmetic))
     tell(_counted("estimates", comparison.estimates))
     if comparison.events:
         tell(_counted("events", comparison.events))
@@ -238,26 +241,49 @@ def _compared(replay: "Replay") -> dict[str, Any]:
     if first is not None:
         tell(f"first difference: {first}")
         _tell_versions(replay)
+    _tell_verdicts(comparison)
     return {
+        "other_arithmetic": replay.other_arithmetic,
         "estimates": asdict(comparison.estimates),
         "events": asdict(comparison.events) if comparison.events else None,
         "first_difference": asdict(first) if first else None,
+        "verdicts": [asdict(verdict) for verdict in comparison.verdicts],
     }
+
+
+def _other_arithmetic(differing: str) -> str:
+    from shore.logbook.estimate_rounding import TOLERANCE
+
+    return (
+        f"the log {printable(differing)}: estimates are compared within {TOLERANCE:g} "
+        "(m, m/s, rad, deg; the covariance in shares of its sigmas), not bit for bit"
+    )
+
+
+def _tell_verdicts(comparison: "Comparison") -> None:
+    for verdict in comparison.verdicts[:VERDICTS_SHOWN]:
+        tell(f"  {verdict}")
+    if (more := comparison.verdict_count - VERDICTS_SHOWN) > 0:
+        tell(f"  and {more} more")
 
 
 def _counted(kind: str, counts: "Counts") -> str:
     text = f"{kind} equal to the recorded ones: {counts.equal} of {counts.recorded}"
+    if counts.near:
+        text += f", {counts.near} within the tolerance"
     if not counts.differs:
         return text
     return f"{text}; {counts.different} different, {counts.missing} not made again, {counts.extra} not in the log"
 
 
 def _tell_versions(replay: "Replay") -> None:
-    """Report other versions of libraries: they may change the last digits."""
+    """Report other versions, but those that the sentence on the arithmetic reports."""
+    from shore.logbook.arithmetic import VERSIONS, arithmetic_of
     from shore.logbook.session import start_record
 
     recorded, ours = replay.start.record.get("versions") or {}, start_record({}, {}, 0)["versions"]
-    changed = [name for name, here in ours.items() if recorded.get(name, here) != here]
+    said = VERSIONS if arithmetic_of(replay.start.record) else ()
+    changed = [name for name, here in ours.items() if recorded.get(name, here) != here and name not in said]
     others = [f"{name} {recorded[name]} (here {ours[name]})" for name in changed]
     if others:
         tell(f"the log was made with {', '.join(others)}")

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from common.events import is_of_station
+from shore.logbook.arithmetic import arithmetic_here, arithmetic_of, unlike
 from shore.logbook.foxglove import event_of
 from shore.logbook.log_reader import LogRecord, read_log
 from shore.logbook.missing_frames import Census
@@ -98,10 +99,17 @@ class Replay:
             self.why_not = "the filters began at --from"
         elif not set(self.filters) & set(live):
             self.why_not = "other filters ran"
+        self.other_arithmetic = unlike(arithmetic_of(self.start.record), arithmetic_here())
+        """What is to be said of the log's arithmetic, without the subject; `None` = it is ours."""
         both = tuple(name for name in self.filters if name in live)
         self.comparison: Comparison | None = None
         if self.why_not is None:
-            self.comparison = Comparison(both, self.reader.content, events=self.filters == live)
+            self.comparison = Comparison(
+                both,
+                self.reader.content,
+                events=self.filters == live,
+                same_arithmetic=self.other_arithmetic is None,
+            )
         self._pipeline = self._new_pipeline(self.source.start)
         self._passed: list[LogRecord] = []
 
@@ -109,6 +117,11 @@ class Replay:
     def start(self) -> Start:
         """The session record at the beginning of the log."""
         return self.source.start
+
+    @property
+    def differs(self) -> bool:
+        """True when what was compared is not as recorded; where frames are lost to damage, that is no difference."""
+        return self.comparison is not None and self.comparison.differs and self.damage is None
 
     @property
     def damage(self) -> str | None:

@@ -146,6 +146,7 @@ def _info(result: Examination, *, with_config: bool) -> dict[str, Any]:
         "end_utc": iso(result.last_ns),
         "sensors": config.get("sensor", []),
         "versions": {"station": start.get("versions"), "board": connected.get("versions")},
+        "arithmetic": start.get("arithmetic"),
         "options": start.get("options"),
         "warnings": [{"utc": iso(log_time_ns), **event} for log_time_ns, event in result.warnings],
     }

@@ -1,9 +1,9 @@
-"""Regression tests (golden cases): a short log, what its replay must give, and how exactly (tests/golden).
+"""Regression tests (golden cases): a short log, what its replay must give, and in which arithmetic (tests/golden).
 
 directory/log.mcap      the frames, byte for byte, and the session they came in
-directory/expected.csv  one row every few seconds for each filter, fixed decimals: a change is read in the diff
+directory/expected.csv  one row every few seconds for each filter, with a digest: a change is read in the diff
 directory/events.csv    the events of the replay
-directory/case.toml     name, text, how it was made, filters, order, tolerance of each column
+directory/case.toml     name, text, how it was made, filters, order, and the arithmetic that expected.csv comes from
 """
 
 import argparse
@@ -13,7 +13,7 @@ import shlex
 import shutil
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,6 +23,8 @@ from common.command import printable
 from common.errors import WayfixError
 from common.toml_text import toml_text
 from common.units import NS_PER_S
+from shore.logbook.arithmetic import WORDS, Arithmetic, arithmetic_here, unlike
+from shore.logbook.estimate_rounding import TOLERANCE, digest_of
 
 if TYPE_CHECKING:
     from shore.replay.frames import Span
@@ -30,16 +32,11 @@ if TYPE_CHECKING:
 
 LOG, EXPECTED, EVENTS, CASE = "log.mcap", "expected.csv", "events.csv", "case.toml"
 EVERY_S: Final = 5.0
-COLUMNS: Final[dict[str, tuple[int, float]]] = {
-    "lat_deg": (9, 3e-9),
-    "lon_deg": (9, 3e-9),
-    "heading_true_deg": (5, 3e-5),
-    "sog_kn": (5, 3e-5),
-    "sigma_east_m": (5, 3e-5),
-    "sigma_north_m": (5, 3e-5),
-    "sigma_heading_deg": (5, 3e-5),
-}
-"""Decimals that are written, and the tolerance: three units of the last one (tests/golden/README.md says why)."""
+COLUMNS: Final = (
+    "lat_deg", "lon_deg", "heading_true_deg", "sog_kn", "sigma_east_m", "sigma_north_m", "sigma_heading_deg",
+)  # fmt: skip
+"""Columns with numbers, and how they are written: one unit of the last decimal is `TOLERANCE`."""
+DECIMALS: Final = 9
 EVENT_COLUMNS: Final = ("t_s", "source", "code")
 LOG_LIMIT: Final = 60_000
 """Most bytes of a log that may be kept in a repository."""
@@ -58,7 +55,13 @@ class Case:
     filters: tuple[str, ...]
     order: str
     every_s: float
-    tolerance: dict[str, float]
+    arithmetic: Arithmetic | None = None
+    """Where the expectation was written; `None` before it was."""
+
+    @property
+    def other_arithmetic(self) -> str | None:
+        """What is to be said of its arithmetic, without the subject; `None` = it is ours: every bit must be equal."""
+        return unlike(self.arithmetic, arithmetic_here())
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -87,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     name = _text(arguments.name, "--name") or printable(arguments.directory.name)
     _text(arguments.text, "--text")
     made_by = printable(f"wayfix log case {arguments.log.name} {arguments.directory.name}{_asked(arguments)}")
-    case = Case(arguments.directory, name, arguments.text, made_by, filters, arguments.order, EVERY_S, {})
+    case = Case(arguments.directory, name, arguments.text, made_by, filters, arguments.order, EVERY_S)
     sizes = write_case(arguments.log, case, span_of(arguments))
     told = ", ".join(f"{file} {size} bytes" for file, size in sizes.items())
     tell(printable(f"{arguments.directory}: {told}"))
@@ -131,8 +134,7 @@ def write_case(log: Path, case: Case, span: "Span | None" = None) -> dict[str, i
         raise WayfixError(f"cannot be made ({error.strerror})", str(directory), "check name and rights") from error
     try:
         filters = _cut(log, part / LOG, case.filters, span)
-        (part / CASE).write_text(_toml(case, filters), encoding="utf-8")
-        write_expected(read_case(part))
+        write_expected(replace(case, directory=part, filters=tuple(filters)))
         part.rename(directory)
     except OSError as error:
         raise WayfixError(f"cannot be written ({error.strerror})", str(directory), "check space and rights") from error
@@ -147,15 +149,19 @@ def read_case(directory: Path) -> Case:
         table = tomllib.loads((directory / CASE).read_text(encoding="utf-8"))
         return Case(
             directory, table["name"], table["text"], table["made_by"], tuple(table["filters"]), table["order"],
-            float(table["every_s"]), {name: float(table["tolerance"][name]) for name in COLUMNS},
+            float(table["every_s"]), _arithmetic(table.get("arithmetic")),
         )  # fmt: skip
     except (OSError, KeyError, ValueError) as error:
         raise WayfixError(f"holds no regression case ({error})", str(directory), "make one: wayfix log case") from error
 
 
+def _arithmetic(table: dict[str, Any] | None) -> Arithmetic | None:
+    return None if table is None else {name: str(table[name]) for name in WORDS}
+
+
 def write_expected(case: Case) -> None:
-    """Replay the case and write what it gives now over what was expected."""
-    for file, text in replayed(case).items():
+    """Replay the case and write what it gives now, and in which arithmetic, over what was expected."""
+    for file, text in (*replayed(case).items(), (CASE, _toml(case))):
         (case.directory / file).write_text(text, encoding="utf-8")
 
 
@@ -171,7 +177,7 @@ def replayed(case: Case) -> dict[str, str]:
         for event in step.output.events:
             t_s = step.t_s + (event.t_ns - step.frame.t1_ns) / NS_PER_S
             told.append({"t_s": f"{t_s:.3f}", "source": event.source, "code": event.code})
-    return {EXPECTED: _csv(("t_s", "filter", "aligned", *COLUMNS), rows), EVENTS: _csv(EVENT_COLUMNS, told)}
+    return {EXPECTED: _csv(("t_s", "filter", "aligned", *COLUMNS, "digest"), rows), EVENTS: _csv(EVENT_COLUMNS, told)}
 
 
 class Sampler:
@@ -188,13 +194,15 @@ class Sampler:
             if t_s < self._next_s.get(name, 0.0) - 1e-6:
                 continue
             self._next_s[name] = (t_s // self._every_s + 1.0) * self._every_s
-            values = {column: f"{record[column]:.{decimals}f}" for column, (decimals, _) in COLUMNS.items()}
-            yield {"t_s": f"{t_s:.3f}", "filter": name, "aligned": str(int(record["aligned"])), **values}
+            values = {column: f"{record[column]:.{DECIMALS}f}" for column in COLUMNS}
+            aligned = str(int(record["aligned"]))
+            yield {"t_s": f"{t_s:.3f}", "filter": name, "aligned": aligned, **values, "digest": digest_of(record)}
 
 
 def differences(case: Case) -> list[str]:
-    """What is not as expected, a sentence each; none when all is within the tolerance."""
+    """What is not as expected, a sentence each: any bit in the same arithmetic, more than `TOLERANCE` in another."""
     found: list[str] = []
+    is_as_expected = _is_near if case.other_arithmetic else _is_equal
     for file, text in replayed(case).items():
         now = list(csv.DictReader(io.StringIO(text)))
         with (case.directory / file).open(newline="", encoding="utf-8") as stream:
@@ -205,18 +213,20 @@ def differences(case: Case) -> list[str]:
             found += [
                 f"{file}, line {line}, {column}: {ours[column]}, expected {value}"
                 for column, value in theirs.items()
-                if not _is_near(column, ours.get(column, ""), value, case.tolerance)
+                if not is_as_expected(column, ours.get(column, ""), value)
             ]
     return found
 
 
-def _is_near(column: str, ours: str, theirs: str, tolerance: dict[str, float]) -> bool:
-    if ours == theirs or column not in tolerance:
-        return ours == theirs
-    apart = float(ours) - float(theirs)
-    return (
-        abs(difference_deg(float(ours), float(theirs)) if column == "heading_true_deg" else apart) <= tolerance[column]
-    )
+def _is_equal(_column: str, ours: str, theirs: str) -> bool:
+    return ours == theirs
+
+
+def _is_near(column: str, ours: str, theirs: str) -> bool:
+    if column not in COLUMNS:
+        return column == "digest" or ours == theirs
+    a, b = float(ours), float(theirs)
+    return round(abs(difference_deg(a, b) if column == "heading_true_deg" else a - b), DECIMALS) <= TOLERANCE
 
 
 def _cut(log: Path, target: Path, filters: tuple[str, ...], span: "Span | None") -> list[str]:
@@ -243,15 +253,15 @@ def _cut(log: Path, target: Path, filters: tuple[str, ...], span: "Span | None")
     return list(asked["filters"])
 
 
-def _toml(case: Case, filters: list[str]) -> str:
+def _toml(case: Case) -> str:
     table: dict[str, Any] = {
         "name": case.name,
         "text": case.text,
         "made_by": case.made_by,
-        "filters": filters,
+        "filters": list(case.filters),
         "order": case.order,
         "every_s": case.every_s,
-        "tolerance": {column: tolerance for column, (_, tolerance) in COLUMNS.items()},
+        "arithmetic": arithmetic_here(),
     }
     return toml_text(table)
 

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from common.command import printable
 from common.toml_text import toml_lines
+from shore.logbook.arithmetic import VERSIONS, WORDS, arithmetic_of
 from shore.logbook.mcap.damage import AnotherLog, clock
 from shore.trips.examine import Examination
 from shore.trips.listing import Trip, day, number
@@ -207,6 +208,9 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     for label, versions in (("station", start.get("versions")), ("board", _part(start, "connected").get("versions"))):
         if isinstance(versions, dict) and versions:
             yield label, ", ".join(f"{name} {version}" for name, version in versions.items())
+    if (arithmetic := arithmetic_of(start)) is not None:
+        told = ", ".join(f"{word} {arithmetic[name]}" for name, word in WORDS.items() if name not in VERSIONS)
+        yield "arithmetic", printable(told)
     recovered = result.last("recovered")
     if recovered:
         count = len(recovered.get("losses", ()))

@@ -129,7 +129,7 @@ def main(names: Sequence[str]) -> None:
             made, log = CASES[name], Path(directory) / LOG
             write_log(log, made)
             by = f"python -m tests.golden.make_logs {name}"
-            case = Case(HERE / name, name, made.text, by, made.filters, made.order, EVERY_S, {})
+            case = Case(HERE / name, name, made.text, by, made.filters, made.order, EVERY_S)
             print(name, write_case(log, case, Span()))
 
 

@@ -13,6 +13,7 @@ from common.codec import encode_frame
 from common.messages import Frame
 from shore.logbook.log_reader import LogRecord, read_log
 from shore.logbook.log_writer import new_log
+from shore.logbook.session import start_record
 from shore.pipeline import Pipeline
 from shore.replay.comparison import Counts
 from shore.replay.run import Replay
@@ -31,11 +32,7 @@ def without_none(value: Any) -> Any:
 
 
 def session(config: BoatConfig = BOAT) -> dict[str, Any]:
-    return {
-        "kind": "start",
-        "options": {"filters": list(FILTERS)},
-        "connected": {"config": without_none(asdict(config))},
-    }
+    return start_record({"config": without_none(asdict(config))}, {"filters": list(FILTERS)}, UTC_NS)
 
 
 def log_of(
