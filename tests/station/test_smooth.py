@@ -81,7 +81,7 @@ def test_a_state_that_is_not_finite_costs_nothing_of_what_came_before(
         predicted = predict_unscented(before, dt_s, imu, noise)
         return predicted._replace(x=np.full_like(predicted.x, np.nan)) if next(passes) == 800 else predicted
 
-    monkeypatch.setattr("shore.navigation.filters.REGISTRY", {"ukf": (fail_once, "fixed")})
+    monkeypatch.setattr("shore.navigation.filter_registry.REGISTRY", {"ukf": (fail_once, "fixed")})
     smooth = smooth_log(config, frames, "ukf")
     times = [each.t_ns for each in smooth]
     assert next(passes) > 1000
