@@ -128,7 +128,7 @@ def _number(value: float, digits: int) -> str:
 
 def simulated_boat(world: RealScenario, seed: int) -> Boat:
     """All columns of one simulated boat: fixes and headings at 5 Hz, inertial samples at 10 Hz."""
-    truth, draws = world.truth(seed), Draws(seed)
+    truth, draws = world.truth(seed), world.draws(seed)
     rows = [(timed.t_s, timed.reading) for timed in world.readings(truth, GPS, draws)]
     fixes = [(t_s, fix) for t_s, fix in rows if isinstance(fix, FixReading) and fix.v_east_m_s is not None]
     seen = truth.at(np.array([t_s for t_s, _ in fixes]))
