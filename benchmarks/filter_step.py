@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from common.angles import wrap_rad
+from common.units import NS_PER_S
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.initial_state import first_of
 from shore.navigation.measurements import Position, TrueHeading
@@ -74,8 +75,8 @@ def ours(name: str, space: StateSpace, data: Data, steps: int, runs: int | None 
         if step == OPENING:
             start_s = time.process_time()
         each.predict(1.0, ImuInput(*data.imu[step]))
-        each.update(Position(0, "g", *data.fixes[step]))
-        each.update(TrueHeading(0, "c", data.headings[step]))
+        each.update(Position(step * NS_PER_S, "g", *data.fixes[step]))
+        each.update(TrueHeading(step * NS_PER_S, "c", data.headings[step]))
     seconds = time.process_time() - start_s
     assert each.estimate.healthy
     return seconds / steps / (runs or 1) * 1e6

@@ -25,8 +25,9 @@ from shore.navigation.motion_model import (
     StateSpace,
     with_trim,
 )
-from shore.navigation.noise.noise_rule import ChannelNoise, NoiseRule
-from shore.navigation.numbers import Array, Number, larger
+from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
+from shore.navigation.noise.own_scatter import Reading, Scatter, bound, bounded
+from shore.navigation.numbers import Array, Number, larger, smaller
 from shore.navigation.refilter_start import Assumed, Opening, Operation, Passed
 from shore.navigation.sensor_facts import FilterFacts
 
@@ -166,7 +167,7 @@ class Filter:
         if self._observer is not None:
             self._observer.repeats()
         state, channels = self.estimate, self.facts.channels
-        noise = {name: self._rule.held(channels[name], each) for name, each in state.noise.items()}
+        noise = {name: _held(self._rule, channels[name], each) for name, each in state.noise.items()}
         P = opening.P.copy()
         for place, name in opening.read_from.items():
             if name in noise:
@@ -210,7 +211,7 @@ class Filter:
 
     def _update(self, scalar: Scalar, t_ns: int) -> None:
         """Ask the judge, adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
-        row, innovation, name = scalar
+        row, innovation, name, measured = scalar
         state, channel = self.estimate, self.facts.channels[name]
         noise = state.noise.get(name) or ChannelNoise(channel.initial_variance)
         prior = prior_variance(state.P, row)
@@ -222,6 +223,8 @@ class Filter:
                 self._state = state._replace(judge=judge)
                 return
         noise = self._rule.adapt(channel, noise, innovation, prior)
+        if self._rule.is_bounded:
+            noise = _bounded(noise, channel, (t_ns, measured), is_angle=is_angle(name))
         R, spread = noise.variance, noise.spread
         if scale is not None:
             # far beyond p, the gains p / (p + R) of a bank fall as 1 / R, and so does their scatter
@@ -231,6 +234,7 @@ class Filter:
         noise = noise._replace(nis=innovation * innovation / theoretical)
         if self._rule.reviews:
             noise = self._rule.review(channel, noise, innovation * (R / theoretical), prior * R / theoretical)
+            noise = noise._replace(variance=_within(noise.variance, channel, noise.scatter))
         channels = {**state.noise, name: noise}
         self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening, judge)
 
@@ -246,3 +250,22 @@ class Filter:
             else:
                 accel = larger(accel, channel.drive)
         return ProcessNoise(noise.accel_fwd * accel, noise.accel_stb * accel, noise.yaw_rate * turn)
+
+
+def _held(rule: NoiseRule, channel: Channel, noise: ChannelNoise) -> ChannelNoise:
+    """R as the rule holds it, within the bound; the scatter's sums know the opening's readings already."""
+    held = rule.held(channel, noise)
+    variance = _within(held.variance, channel, noise.scatter)
+    return held._replace(variance=variance, scatter=noise.scatter and noise.scatter._replace(readings=()))
+
+
+def _within(variance: Number, channel: Channel, scatter: Scatter | None) -> Number:
+    """R within the bound of the sensor's own scatter."""
+    return variance if scatter is None else smaller(variance, bound(channel.initial_variance, scatter))
+
+
+def _bounded(noise: ChannelNoise, channel: Channel, reading: Reading, *, is_angle: bool) -> ChannelNoise:
+    """The sensor's own scatter with a reading, and R of its update within the bound."""
+    before = noise.scatter or Scatter.first(channel.initial_variance, is_angle=is_angle)
+    now = before.then(reading, counts=not noise.is_held)
+    return noise._replace(variance=bounded(noise.variance, channel.initial_variance, before, now, reading), scatter=now)

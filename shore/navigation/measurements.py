@@ -36,6 +36,8 @@ class Scalar(NamedTuple):
     """Innovation: measured - expected, m or rad; an angle is wrapped."""
     channel: str
     """Channel whose R it has: `gps1.east`, ..."""
+    measured: Number
+    """What was measured, whatever the state expected, m or rad."""
 
 
 class PseudoScalar(NamedTuple):
@@ -141,7 +143,7 @@ class Position(NamedTuple):
             expected = expected + east_m
             # the derivative of (east, north) by a clockwise heading is (north, -east)
             row = (*row, (HEADING, north_m))
-        return Scalar(row, self.east_m - expected, f"{self.sensor}.east")
+        return Scalar(row, self.east_m - expected, f"{self.sensor}.east", self.east_m)
 
     def _north(self, _space: StateSpace, x: Array, lever: Lever | None) -> Scalar:
         row: Row = ((NORTH, 1.0),)
@@ -150,7 +152,7 @@ class Position(NamedTuple):
             east_m, north_m = body_to_plane(*lever, part(x, HEADING))
             expected = expected + north_m
             row = (*row, (HEADING, -east_m))
-        return Scalar(row, self.north_m - expected, f"{self.sensor}.north")
+        return Scalar(row, self.north_m - expected, f"{self.sensor}.north", self.north_m)
 
 
 class TrueHeading(NamedTuple):
@@ -185,7 +187,7 @@ class TrueHeading(NamedTuple):
         if (bias := space.index("compass_bias_rad")) is not None:
             row = (*row, (bias, 1.0))
             expected = expected + part(x, bias)
-        return Scalar(row, wrapped(self.heading_rad - expected), self.channel)
+        return Scalar(row, wrapped(self.heading_rad - expected), self.channel, self.heading_rad)
 
 
 class Course(NamedTuple):
@@ -215,7 +217,8 @@ class Course(NamedTuple):
         return seeds._replace(heading=self)
 
     def _heading(self, _space: StateSpace, x: Array, _lever: Lever | None) -> Scalar:
-        return Scalar(((HEADING, 1.0),), wrapped(self.heading_rad - part(x, HEADING)), self.channel)
+        innovation = wrapped(self.heading_rad - part(x, HEADING))
+        return Scalar(((HEADING, 1.0),), innovation, self.channel, self.heading_rad)
 
 
 FirstHeading = TrueHeading | Course

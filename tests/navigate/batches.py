@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.units import NS_PER_S
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter
 from shore.navigation.measurements import Position, TrueHeading
@@ -71,13 +72,13 @@ def begin(name: str, batch: Batch, known: FilterFacts, member: int | None = None
     return each
 
 
-def step(each: Filter, inputs: Array, measured: Array) -> None:
-    """One second: `inputs` and `measured` (3,) of one run, or (3, runs)."""
+def step(each: Filter, second: int, inputs: Array, measured: Array) -> None:
+    """Second number `second`: `inputs` and `measured` (3,) of one run, or (3, runs)."""
     if inputs.ndim == 1:
         inputs, measured = inputs.tolist(), measured.tolist()
     each.predict(1.0, ImuInput(inputs[0], inputs[1], inputs[2]))
-    each.update(Position(0, "gps1", measured[0], measured[1]))
-    each.update(TrueHeading(0, "compass1", measured[2]))
+    each.update(Position(second * NS_PER_S, "gps1", measured[0], measured[1]))
+    each.update(TrueHeading(second * NS_PER_S, "compass1", measured[2]))
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def follow(name: str, batch: Batch, known: FilterFacts | None) -> Outcome:
     for k in range(1, count):
         if known is None:
             each.facts = facts(batch.sigmas[k], float(batch.imu_factor[k]))
-        step(each, inputs[k], measured[k])
+        step(each, k, inputs[k], measured[k])
         error = each.estimate.x - states[k]
         error[:, 4] = np.angle(np.exp(1j * error[:, 4]))
         squares[:, k] = (error[:, [0, 1, 4]] * [1.0, 1.0, math.degrees(1.0)]) ** 2

@@ -16,6 +16,7 @@ from common.boat_config import IMU_AXES, BoatConfig
 from common.simulation.column_recording import recording_voyages
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.voyage import Voyage
+from common.units import NS_PER_S
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter
 from shore.navigation.imu_track import driving_sensor
@@ -98,6 +99,7 @@ def play(draws: Draws, name: str = "fuzzy", **imu: Any) -> Played:
     t_s, squares, claimed, nis = [], [], [], []
     for now_s, group in groupby(draws.voyage.readings, key=lambda timed: timed.t_s):
         readings = sorted((timed.reading for timed in group), key=lambda reading: not isinstance(reading, ImuReading))
+        t_ns = round(now_s * NS_PER_S)
         for reading in readings:
             if isinstance(reading, ImuReading):
                 shown = _input(reading, driver.use) if driver else None
@@ -105,11 +107,11 @@ def play(draws: Draws, name: str = "fuzzy", **imu: Any) -> Played:
                     each.predict(now_s - t_last_s, shown)
                     t_last_s = now_s
             elif isinstance(reading, HeadingReading):
-                heading = TrueHeading(0, "compass1", np.full(count, math.radians(reading.heading_true_deg)))
+                heading = TrueHeading(t_ns, "compass1", np.full(count, math.radians(reading.heading_true_deg)))
                 if t_last_s is not None:
                     each.update(heading)
             else:
-                position = Position(0, "gps1", *next(fixes))
+                position = Position(t_ns, "gps1", *next(fixes))
                 if t_last_s is not None:
                     each.update(position)
                     nis.append(_nis(each))

@@ -118,9 +118,9 @@ def test_a_batch_is_the_same_as_boats_one_by_one(mission: Truth, name: str) -> N
     together = begin(name, batch, told(TABLE_5_3))
     apart = [begin(name, batch, told(TABLE_5_3), member) for member in range(3)]
     for k in range(1, 80):
-        step(together, batch.inputs[:, k].T, batch.measured[:, k].T)
+        step(together, k, batch.inputs[:, k].T, batch.measured[:, k].T)
         for member, each in enumerate(apart):
-            step(each, batch.inputs[member, k], batch.measured[member, k])
+            step(each, k, batch.inputs[member, k], batch.measured[member, k])
     for member, each in enumerate(apart):
         assert np.allclose(together.estimate.x[member], each.estimate.x, rtol=1e-9, atol=1e-9)
         assert np.allclose(together.estimate.P[member], each.estimate.P, rtol=1e-9, atol=1e-12)

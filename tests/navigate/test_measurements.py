@@ -59,7 +59,7 @@ class Range(NamedTuple):
         east, north = part(x, EAST) - self.east_m, part(x, NORTH) - self.north_m
         expected = hypot(east, north)
         row = ((EAST, east / expected), (NORTH, north / expected))
-        return Scalar(row, self.range_m - expected, f"{self.sensor}.range")
+        return Scalar(row, self.range_m - expected, f"{self.sensor}.range", self.range_m)
 
 
 def bank() -> Bank:

@@ -13,6 +13,7 @@ from common.simulation.monte_carlo_runs import draw_runs
 from common.simulation.scenario import Scenario, with_drift, with_outage
 from common.simulation.scenarios import SCENARIOS
 from common.simulation.thesis_tables import REALISTIC
+from common.units import NS_PER_S
 from shore.lab.batch import EIGHT, Setting
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter, FilterState
@@ -207,7 +208,7 @@ def test_what_is_known_survives_an_opening_that_is_filtered_again() -> None:
     each.assume(Sailing(1e-4, 1e-4))
     for second in range(1, 40):
         each.predict(1.0, ImuInput(0.0, 0.0, 0.0))
-        each.update(Position(0, "gps1", float(second), 2.0 * second))
-        each.update(TrueHeading(0, "compass1", 0.0))
+        each.update(Position(second * NS_PER_S, "gps1", float(second), 2.0 * second))
+        each.update(TrueHeading(second * NS_PER_S, "compass1", 0.0))
     assert each.estimate.opening is None
     assert each.estimate.x[5] == pytest.approx(1.0, abs=0.1)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from common.units import NS_PER_S
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.measurements import Position
 from shore.navigation.noise.noise_rule import Channel
@@ -60,10 +61,10 @@ def moved_by_a_jump(name: str) -> float:
     rng = np.random.default_rng(5)
     for second in range(100):
         each.predict(1.0, None)
-        each.update(Position(second, "g", *(2.0 * rng.normal(size=2)).tolist()))
+        each.update(Position(second * NS_PER_S, "g", *(2.0 * rng.normal(size=2)).tolist()))
     each.predict(1.0, None)
     before = float(each.estimate.x[0])
-    each.update(Position(100, "g", 500.0, 0.0))
+    each.update(Position(100 * NS_PER_S, "g", 500.0, 0.0))
     return abs(float(each.estimate.x[0]) - before)
 
 

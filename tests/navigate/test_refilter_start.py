@@ -28,7 +28,7 @@ def go(each: Filter, batch: Batch, member: int, steps: Sequence[int]) -> list[Fi
     """One run; the states after each of the steps."""
     states = []
     for k in steps:
-        step(each, batch.inputs[member, k], batch.measured[member, k])
+        step(each, k, batch.inputs[member, k], batch.measured[member, k])
         states.append(each.estimate)
     return states
 
@@ -92,7 +92,7 @@ def test_one_boat_and_a_batch_of_runs_are_the_same(poor: Batch) -> None:
     few = Batch(poor.truth, poor.inputs[:5], poor.measured[:5], poor.start[:5], poor.sigmas, poor.imu_factor)
     together = begin("fuzzy", few, known)
     for k in range(1, 100):
-        step(together, few.inputs[:, k].T.copy(), few.measured[:, k].T.copy())
+        step(together, k, few.inputs[:, k].T.copy(), few.measured[:, k].T.copy())
     alone = [go(begin("fuzzy", few, known, run), few, run, range(1, 100))[-1] for run in runs]
     apart_x = together.estimate.x - np.array([state.x for state in alone])
     apart_P = together.estimate.P - np.array([state.P for state in alone])
@@ -111,7 +111,7 @@ def heading_errors(poor: Batch, read_from: dict[int, str]) -> float:
     each.start(x, np.tile(P, (len(x), 1, 1)), read_from)
     squares = []
     for k in range(1, 300):
-        step(each, poor.inputs[:, k].T.copy(), poor.measured[:, k].T.copy())
+        step(each, k, poor.inputs[:, k].T.copy(), poor.measured[:, k].T.copy())
         error = np.degrees(each.estimate.x[:, HEADING] - poor.truth.states[k, HEADING])
         squares.append(np.mean((np.mod(error + 180.0, 360.0) - 180.0) ** 2))
     return float(np.mean(squares))

@@ -9,6 +9,7 @@ import pytest
 from common.simulation.monte_carlo_runs import Runs, draw_runs
 from common.simulation.scenario import Scenario, with_outage
 from common.simulation.scenarios import find_scenario
+from common.units import NS_PER_S
 from shore.navigation.filter_registry import REGISTRY, build_filter
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import (
@@ -242,10 +243,11 @@ def test_an_opening_that_is_filtered_again_is_smoothed_with_what_it_learned() ->
     way: list[Operation] = []
     for k in range(4):
         heading = math.pi + 0.1 * (-1.0) ** k
-        way += [0.7, 0.3, "keep", Position(0, "g", *(rng.normal(size=2) * 9.0)), TrueHeading(k, "c", heading)]
+        t_ns = k * NS_PER_S
+        way += [0.7, 0.3, "keep", Position(t_ns, "g", *(rng.normal(size=2) * 9.0)), TrueHeading(t_ns, "c", heading)]
     learning = started("fuzzy", FIVE)
     carry(learning, way)
-    learned = {name: Channel(float(noise.window[0])) for name, noise in learning.filter.estimate.noise.items()}
+    learned = {name: Channel(float(noise.variance)) for name, noise in learning.filter.estimate.noise.items()}
     assert learned["c.heading"].initial_variance > 1.5 * CHANNELS["c.heading"].initial_variance
     knowing = Smoother("ukf", FilterFacts(learned, FIVE, QUIET))
     knowing.filter.start(started("ukf", FIVE).filter.estimate.x, started("ukf", FIVE).filter.estimate.P)

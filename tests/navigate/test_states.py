@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from common.units import NS_PER_S
 from shore.navigation.filter_registry import REGISTRY, build_filter
 from shore.navigation.filters import FilterState
 from shore.navigation.initial_state import first_of
@@ -77,9 +78,9 @@ def test_a_batch_is_its_runs_side_by_side(name: str, space: StateSpace) -> None:
         each.start(start_x, start_P)
         for k in range(steps):
             each.predict(1.0, None if k == 50 else ImuInput(*imu[k, :, of]))
-            each.update(Position(0, "g", *fixes[k, :, of]))
+            each.update(Position(k * NS_PER_S, "g", *fixes[k, :, of]))
             if k % 3:
-                each.update(TrueHeading(0, "c", headings[k, of]))
+                each.update(TrueHeading(k * NS_PER_S, "c", headings[k, of]))
         return each.estimate
 
     batch = carry(slice(None), np.stack([x] * runs), np.stack([P] * runs))

@@ -10,6 +10,7 @@ from common.angles import difference_rad, wrap_deg
 from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.geodesy import LocalPlane
 from common.messages import Fix, Frame, Heading, ImuBlock
+from common.units import NS_PER_S
 from shore.navigation.filter_bank import Moment
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter, FilterState
@@ -105,8 +106,9 @@ def run_filter(name: str, truth: Truth, run: Run, seed: int) -> tuple[Array, Arr
     states[0], spreads[0] = each.estimate.x, P
     for k in range(1, len(truth.states)):
         each.predict(truth.dt_s, ImuInput(*run.inputs[k]))
-        each.update(Position(0, "gps1", *run.positions[k]))
-        each.update(TrueHeading(0, "compass1", run.headings[k]))
+        t_ns = round(k * truth.dt_s * NS_PER_S)
+        each.update(Position(t_ns, "gps1", *run.positions[k]))
+        each.update(TrueHeading(t_ns, "compass1", run.headings[k]))
         states[k], spreads[k] = each.estimate.x, each.estimate.P
     return states, spreads, each
 

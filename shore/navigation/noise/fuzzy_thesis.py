@@ -97,6 +97,11 @@ class ThesisFuzzyNoise(BeforeUpdate):
     ceiling: float
     shape: FuzzyShape = THESIS_SHAPE
 
+    @property
+    def is_bounded(self) -> bool:
+        """As printed: the thesis has no bound."""
+        return False
+
     def adapt(self, channel: Channel, noise: ChannelNoise, innovation: Number, prior_variance: Number) -> ChannelNoise:
         """Push the squared innovation; once for each entry of the window R moves by `fuzzy_alpha`."""
         pending = (*noise.pending, innovation * innovation)

@@ -9,6 +9,7 @@ numbers are floats for one boat, arrays (runs,) for a batch.
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
+from shore.navigation.noise.own_scatter import Scatter
 from shore.navigation.numbers import Number
 
 WINDOW_COVERS_S: Final = 20.0
@@ -50,6 +51,8 @@ class ChannelNoise(NamedTuple):
     """Probabilities of a bank's J hypotheses; of a batch (J, runs)."""
     lag: tuple[Number, ...] = ()
     """Mean of the normalised innovations and their lagged covariance, see `noise.process_noise`."""
+    scatter: Scatter | None = None
+    """Own scatter of the sensor, which bounds R; `None` = the rule is not bounded, or nothing was measured."""
 
 
 class NoiseRule(Protocol):
@@ -58,6 +61,11 @@ class NoiseRule(Protocol):
     @property
     def reviews(self) -> bool:
         """True when `review` is to be called."""
+        ...
+
+    @property
+    def is_bounded(self) -> bool:
+        """True when the filter bounds the R of this rule by the sensor's own scatter."""
         ...
 
     @property
@@ -96,6 +104,11 @@ class BeforeUpdate:
         return False
 
     @property
+    def is_bounded(self) -> bool:
+        """A rule that learns R from innovations cannot tell a bad sensor from a bad prediction."""
+        return True
+
+    @property
     def drives(self) -> bool:
         """The process noise is left alone."""
         return False
@@ -121,6 +134,11 @@ class BeforeUpdate:
 @dataclass(frozen=True, slots=True)
 class FixedNoise(BeforeUpdate):
     """R is what the configuration says."""
+
+    @property
+    def is_bounded(self) -> bool:
+        """Nothing is learned."""
+        return False
 
     def adapt(self, channel: Channel, noise: ChannelNoise, innovation: Number, prior_variance: Number) -> ChannelNoise:
         """`noise` with the configured R."""

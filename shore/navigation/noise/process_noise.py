@@ -51,6 +51,11 @@ class FuzzyDrive:
         return self.r_rule.reviews
 
     @property
+    def is_bounded(self) -> bool:
+        """True when the R of the rule for R is bounded."""
+        return self.r_rule.is_bounded
+
+    @property
     def drives(self) -> bool:
         """True: it sets `ChannelNoise.drive`."""
         return True
