@@ -26,7 +26,7 @@ from shore.navigation.motion_model import (
     with_trim,
 )
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
-from shore.navigation.noise.own_scatter import Reading, Scatter, bound, bounded
+from shore.navigation.noise.own_scatter import Scatter, bound
 from shore.navigation.numbers import Array, Number, larger, smaller
 from shore.navigation.refilter_start import Assumed, Opening, Operation, Passed
 from shore.navigation.sensor_facts import FilterFacts
@@ -222,19 +222,22 @@ class Filter:
             if scale is None:
                 self._state = state._replace(judge=judge)
                 return
-        noise = self._rule.adapt(channel, noise, innovation, prior)
+        scatter = None
         if self._rule.is_bounded:
-            noise = _bounded(noise, channel, (t_ns, measured), is_angle=is_angle(name))
-        R, spread = noise.variance, noise.spread
+            scatter = noise.scatter or Scatter.first(channel.initial_variance, is_angle=is_angle(name))
+            scatter = scatter.then((t_ns, measured), counts=not noise.is_held)
+        noise = self._rule.adapt(channel, noise, innovation, prior)
+        bounded, spread = _within(noise.variance, channel, scatter), noise.spread
+        R = bounded
         if scale is not None:
             # far beyond p, the gains p / (p + R) of a bank fall as 1 / R, and so does their scatter
             R, spread = scale * R, spread / (scale * scale)
         x, P = update_scalar(state.gaussian, row, innovation, R, spread)
         theoretical = prior + R
-        noise = noise._replace(nis=innovation * innovation / theoretical)
+        noise = noise._replace(variance=bounded, nis=innovation * innovation / theoretical, scatter=scatter)
         if self._rule.reviews:
             noise = self._rule.review(channel, noise, innovation * (R / theoretical), prior * R / theoretical)
-            noise = noise._replace(variance=_within(noise.variance, channel, noise.scatter))
+            noise = noise._replace(variance=_within(noise.variance, channel, scatter))
         channels = {**state.noise, name: noise}
         self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening, judge)
 
@@ -262,10 +265,3 @@ def _held(rule: NoiseRule, channel: Channel, noise: ChannelNoise) -> ChannelNois
 def _within(variance: Number, channel: Channel, scatter: Scatter | None) -> Number:
     """R within the bound of the sensor's own scatter."""
     return variance if scatter is None else smaller(variance, bound(channel.initial_variance, scatter))
-
-
-def _bounded(noise: ChannelNoise, channel: Channel, reading: Reading, *, is_angle: bool) -> ChannelNoise:
-    """The sensor's own scatter with a reading, and R of its update within the bound."""
-    before = noise.scatter or Scatter.first(channel.initial_variance, is_angle=is_angle)
-    now = before.then(reading, counts=not noise.is_held)
-    return noise._replace(variance=bounded(noise.variance, channel.initial_variance, before, now, reading), scatter=now)

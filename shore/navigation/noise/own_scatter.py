@@ -16,13 +16,11 @@ longer than some seconds do not appear in d, so S/W is no estimate of R, only a 
 import math
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from common.units import NS_PER_S
 from shore.navigation.numbers import Number, choose, larger, smaller, wrapped
 
-MEMORY: Final = 60.0
-"""Differences that S/W remembers: it is known to 18 %, the bound to 9 % of a sigma. 30 and 120 are as good."""
+KEPT: Final = 1.0 - 1.0 / 60.0
+"""S/W remembers 60 differences: it is known to 18 %, the bound to 9 % of a sigma. 30 and 120 are as good."""
 PRIOR_WEIGHT: Final = 5.0
 """Differences that the prior counts for: a sensor 7 times worse than told is found within some ten readings."""
 POSITION_PRIOR: Final = 0.7**2
@@ -32,12 +30,14 @@ IN_FORCE_FROM: Final = 15.0
 it was told (`imm` in 5.2: 1.28 of the oracle's squared heading error for 1.05). From then on one such sensor in 70 is
 bounded below its own variance, from 20 readings on one in 400."""
 LARGEST_SQUARE: Final = 16.0
-"""A difference beyond 4 sigma adds to S no more than that: a jump is in four differences."""
+"""A difference beyond 4 sigma is a jump of the sensor itself. It adds to S no more than that, for a jump is in three
+differences, and it raises the bound to its own square."""
+JUMP_NS: Final = 15 * NS_PER_S
+"""The bound forgets a jump in this time: long enough to stay where the boat is through a step of 50 m that ends after
+30 s, short enough to be at a step of 300 m that lasts within two minutes."""
 TIMES_SCATTER: Final = 9.0
 """R may be this many times S/W, three sigmas for one: a rule has room for errors of a few seconds, which S/W does not
 see, and with 4 the heading of the thesis' scenario 5.2 suffers (1.047 of the oracle's squared error for 1.02)."""
-JUMP_SQUARE: Final = 4.0
-"""From here on, in S/W, the newest difference shows a jump (a healthy sensor in one reading of twenty)."""
 POSITION_SPACING_NS: Final = NS_PER_S * 9 // 10
 ANGLE_SPACING_NS: Final = NS_PER_S * 9 // 100
 """Readings nearer to the last one are left out: receivers smooth over a second. A tenth less than a second and a tenth
@@ -57,9 +57,11 @@ class Scatter(NamedTuple):
     weight: float
     """W, fading number of differences."""
     is_angle: bool
-    """True for readings that wrap."""
+    """True for readings that wrap; each is taken on the near side of the one before it."""
+    jump: Number = 0.0
+    """Square of the latest jumps, which fades, m^2 or rad^2."""
     readings: tuple[Reading, ...] = ()
-    """The last three that are far enough apart, oldest first."""
+    """The last three that are far enough apart, oldest first; angles go on beyond a turn."""
 
     @classmethod
     def first(cls, initial_variance: float, *, is_angle: bool) -> "Scatter":
@@ -74,57 +76,60 @@ class Scatter(NamedTuple):
 
     def then(self, reading: Reading, *, counts: bool = True) -> "Scatter":
         """With the newest reading; `counts` = False: S and W know it already."""
-        t_ns, _ = reading
-        readings = self.readings
-        if readings:
-            spacing_ns = ANGLE_SPACING_NS if self.is_angle else POSITION_SPACING_NS
-            if t_ns - readings[-1][0] < spacing_ns:
-                return self
-            if t_ns - readings[0][0] > LONGEST_SPAN_NS:
-                return self._replace(readings=(reading,))
-        after = (*readings[-2:], reading)
-        if len(readings) < 3 or not counts:
-            return self._replace(readings=after)
-        d, _ = self.difference(reading)
-        fade = 1.0 - 1.0 / MEMORY
-        squares = fade * self.squares + smaller(d * d, LARGEST_SQUARE * self.variance)
-        return Scatter(squares, fade * self.weight + 1.0, self.is_angle, after)
+        squares, weight, is_angle, jump, readings = self
+        t_ns, value = reading
+        if not readings or t_ns - readings[0][0] > LONGEST_SPAN_NS:
+            return Scatter(squares, weight, is_angle, jump, (reading,))
+        last_ns, last = readings[-1]
+        elapsed_ns = t_ns - last_ns
+        if elapsed_ns <= 0:
+            return self
+        if is_angle:
+            value = last + wrapped(value - last)
+        is_near = elapsed_ns < (ANGLE_SPACING_NS if is_angle else POSITION_SPACING_NS)
+        if len(readings) < 3:
+            return self if is_near else Scatter(squares, weight, is_angle, jump, (*readings, (t_ns, value)))
+        first, second, third = readings
+        square, share = difference(first, second, third, (t_ns, value))
+        most = LARGEST_SQUARE * squares / weight
+        if (jumps := square > most) is not False:
+            jump = choose(jumps, larger(jump, square / share), jump)
+            square = smaller(square, most)
+        if is_near:
+            return Scatter(squares, weight, is_angle, jump, readings)
+        if counts:
+            squares, weight = KEPT * squares + square, KEPT * weight + 1.0
+        jump = jump * (JUMP_NS / (JUMP_NS + elapsed_ns))
+        return Scatter(squares, weight, is_angle, jump, (second, third, (t_ns, value)))
 
-    def difference(self, reading: Reading) -> tuple[Number, float]:
-        """Normalised third difference d of the three readings and a newer one, and the share of the newer one in it."""
-        (t0, z0), (t1, z1), (t2, z2), (t3, z3) = *self.readings, reading
-        a, b, c = (t1 - t0) / NS_PER_S, (t2 - t1) / NS_PER_S, (t3 - t2) / NS_PER_S
-        w0, w1 = -1.0 / (a * (a + b) * (a + b + c)), 1.0 / (a * b * (b + c))
-        w2, w3 = -1.0 / ((a + b) * b * c), 1.0 / ((a + b + c) * (b + c) * c)
-        y0, y2, y3 = z0 - z1, z2 - z1, z3 - z1
-        if self.is_angle:
-            y0, y2, y3 = wrapped(y0), wrapped(y2), wrapped(y3)
-        length = math.sqrt(w0 * w0 + w1 * w1 + w2 * w2 + w3 * w3)
-        return (w0 * y0 + w2 * y2 + w3 * y3) / length, w3 / length
+
+def difference(first: Reading, second: Reading, third: Reading, newest: Reading) -> tuple[Number, float]:
+    """Square of d, and the newest reading's share in it: d^2 / share = square of what it alone is off a parabola."""
+    t0, z0 = first
+    t1, z1 = second
+    t2, z2 = third
+    t3, z3 = newest
+    a, b, c = float(t1 - t0), float(t2 - t1), float(t3 - t2)
+    ab, bc = a + b, b + c
+    abc = ab + c
+    # the weights times all six differences of time, for their scale falls out
+    w0, w1, w2, w3 = -b * c * bc, c * ab * abc, -a * bc * abc, a * b * ab
+    total = w0 * (z0 - z1) + w2 * (z2 - z1) + w3 * (z3 - z1)
+    squared = w3 * w3
+    length = w0 * w0 + w1 * w1 + w2 * w2 + squared
+    return total * total / length, squared / length
 
 
 def bound(initial_variance: float, scatter: Scatter) -> Number:
-    """Largest R that may be learned: 9 S/W and, whatever the scatter, R0; m^2 or rad^2.
+    """Largest R that may be learned: 9 S/W and, whatever the scatter, R0 and the square of a late jump; m^2 or rad^2.
 
     R0 is the least bound: fixes that are held, a compass of whole degrees at rest, and errors that last for minutes
-    scatter by nothing, and are no more precise for it.
+    scatter by nothing, and are no more precise for it. A sensor that jumps has itself shown that it errs, so the rules
+    with their outlier guards are free to hold it for bad for a while.
     """
     if scatter.weight < IN_FORCE_FROM:
         return math.inf
-    return larger(TIMES_SCATTER * scatter.variance, initial_variance)
-
-
-def bounded(variance: Number, initial_variance: float, before: Scatter, now: Scatter, reading: Reading) -> Number:
-    """R of the update with `reading`, m^2 or rad^2; `before` and `now` are without and with it.
-
-    A jump of this reading raises the bound of its own R to the square of the jump, so that the outlier guards of the
-    rules go on to work.
-    """
-    most = bound(initial_variance, now)
-    if not np.any(variance > most):
-        return variance
-    if len(before.readings) == 3 and reading[0] > before.readings[-1][0]:
-        d, share = before.difference(reading)
-        jumps = d * d > JUMP_SQUARE * now.variance
-        most = choose(jumps, larger(most, (d / share) * (d / share)), most)
-    return smaller(variance, most)
+    usual, jump = TIMES_SCATTER * scatter.squares / scatter.weight, scatter.jump
+    if isinstance(usual, float) and isinstance(jump, float):
+        return max(usual, jump, initial_variance)
+    return larger(larger(usual, jump), initial_variance)
