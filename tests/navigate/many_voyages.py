@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.simulation.measured import COUNTS_PER_DEG_S, COUNTS_PER_M_S2
 from common.simulation.readings import FixReading, HeadingReading, ImuReading
 from common.simulation.scenarios import scenario_voyage
 from common.simulation.voyage import Voyage
@@ -49,7 +50,10 @@ def sail_many(seeds: Sequence[int]) -> Many:
 
 
 def _columns(voyage: Voyage) -> tuple[Array, Array, Array]:
-    """IMU (k, 3), fixes (k, 4) and headings (k,) of one boat, checked to come when `Many` says."""
+    """IMU (k, 3), fixes (k, 4) and headings (k,) of one boat, checked to come when `Many` says.
+
+    Headings and samples are rounded as the devices print them; a bench without that differs by up to a tenth.
+    """
     imu, fixes, headings, times = [], [], [], ([], [], [])  # type: ignore[var-annotated]
     for item in voyage.readings:
         reading = item.reading
@@ -66,8 +70,11 @@ def _columns(voyage: Voyage) -> tuple[Array, Array, Array]:
             times[2].append(item.t_s)
     for kind, (every, first) in zip(times, ((GPS, 0), (COMPASS, 0), (1, 1)), strict=True):
         assert np.allclose(kind, IMU_S * (first + every * np.arange(len(kind))), atol=1e-6)
-    wrapped = np.radians(np.mod(np.array(headings) + 180.0, 360.0) - 180.0)
-    return np.array(imu), np.array(fixes, dtype=float), wrapped
+    variation_deg = voyage.boat.variation_deg or 0.0
+    shown_deg = np.round(np.array(headings) - variation_deg, 1) + variation_deg
+    wrapped = np.radians(np.mod(shown_deg + 180.0, 360.0) - 180.0)
+    counts = np.array([COUNTS_PER_M_S2, COUNTS_PER_M_S2, COUNTS_PER_DEG_S * 180.0 / np.pi])
+    return np.round(np.array(imu) * counts) / counts, np.array(fixes, dtype=float), wrapped
 
 
 def heading_squares(name: str, many: Many, from_share: float, **told: float) -> Array:
