@@ -4,7 +4,7 @@ import csv
 import json
 import math
 import statistics
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from tests.system.harness import command
 
 SEEDS = (1, 2, 3)
 
-pytestmark = [pytest.mark.slow, pytest.mark.in_pairs]
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 Run = dict[str, Any]
 
@@ -30,19 +30,11 @@ def demo(directory: Path, *arguments: str | Path, seconds: float = 300.0) -> Run
 
 
 @pytest.fixture(scope="module")
-def sailed(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Future[Run]], Future[Run] | None]:
-    """One run for each seed, and beside them the recording."""
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
+    """One run for each seed, side by side: at eight times the speed they take a core together."""
     directory = tmp_path_factory.mktemp("demo")
     with ThreadPoolExecutor() as together:
-        seeds = [together.submit(demo, directory / f"{n}", "--seed", f"{n}", "--speed", "10") for n in SEEDS]
-        recording = ("--recording", BLUEBOAT, "--map", BLUEBOAT_MAP, "--speed", "8")
-        played = together.submit(demo, directory / "recording", *recording) if BLUEBOAT.exists() else None
-    return seeds, played
-
-
-@pytest.fixture
-def runs(sailed: tuple[list[Future[Run]], object]) -> list[Run]:
-    return [run.result() for run in sailed[0]]
+        return list(together.map(lambda n: demo(directory / f"{n}", "--seed", f"{n}", "--speed", "8"), SEEDS))
 
 
 def test_no_frame_is_lost_on_any_seed(runs: list[Run]) -> None:
@@ -91,15 +83,13 @@ def test_speed_one_and_eight_give_the_same_measurements_and_figures(tmp_path: Pa
             assert abs(ratio - 1.0) <= 0.05 + 2.0 * error / statistics.mean(ones), (key, name)
 
 
-def test_a_real_recording_through_the_whole_path(sailed: tuple[object, Future[Run] | None]) -> None:
-    played = sailed[1]
-    if played is None:
+def test_a_real_recording_through_the_whole_path(tmp_path: Path) -> None:
+    if not BLUEBOAT.exists():
         pytest.skip("the recordings of ../shared/data are not here")
-    run = played.result()
+    run = demo(tmp_path, "--recording", BLUEBOAT, "--map", BLUEBOAT_MAP, "--speed", "8")
     assert run["frames"]["lost"] == 0
     frames = [decode_frame(data) for data in read_log(run["log"]).frames()]
-    told = Path(run["log"]).with_name("boat") / "sent.jsonl"
-    sent = [json.loads(line) for line in told.read_text().splitlines()]
+    sent = [json.loads(line) for line in (tmp_path / "boat" / "sent.jsonl").read_text().splitlines()]
     with BLUEBOAT.open(newline="") as file:
         rows = sum(1 for _ in csv.DictReader(file))
     kinds = {kind: sum(item["kind"] == kind for item in sent) for kind in ("Fix", "Heading", "ImuSample")}

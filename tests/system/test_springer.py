@@ -16,10 +16,11 @@ from onboard.devices import MODELS
 from shore.logbook.log_reader import read_log
 from tests.system.harness import command
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.in_pairs]
 
 SPRINGER = Path(__file__).parents[2] / "deploy" / "examples" / "springer.toml"
-SECONDS, SPEED = 120, 4
+SECONDS, SPEED = 120, 2
+"""Faster, a stall of the machine would be a pause between two sentences of one epoch."""
 KEYS = {
     "Fix": ("lat_deg", "lon_deg", "sog_kn", "hdop", "fix_quality", "sigma_east_m", "utc_ns"),
     "ImuSample": ("accel_fwd_m_s2", "accel_stb_m_s2", "yaw_rate_deg_s"),
