@@ -66,6 +66,7 @@ differing: $(VENV)/dev.stamp
 
 test-slow: $(VENV)/dev.stamp
 	@$(TOGETHER) slow-pure slow-real
+	$(BIN)/pytest -q -m "slow and alone" $(REAL)
 
 lint-and-fast-pure: lint
 	@$(MAKE) --no-print-directory fast-pure
@@ -90,7 +91,6 @@ slow-real:
 	@failed=0; \
 	$(BIN)/pytest -q -m "slow and not alone and not in_pairs" -n $(call AS_ROOT,6) --dist worksteal $(REAL) || failed=1; \
 	$(BIN)/pytest -q -m "slow and in_pairs" -n $(call AS_ROOT,2) --dist loadfile $(REAL) || failed=1; \
-	$(BIN)/pytest -q -m "slow and alone" $(REAL) || failed=1; \
 	exit $$failed
 
 golden: $(VENV)/dev.stamp
