@@ -4,6 +4,7 @@ import json
 import os
 import re
 import tomllib
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -131,14 +132,23 @@ def test_a_file_that_is_there_and_cannot_be_read_is_a_fault(file: Path, here: He
     assert "cannot be read (No such file" in said
 
 
+def refusing(method: Callable[..., Any], file: Path) -> Callable[..., Any]:
+    """A method of paths that refuses one of them: Python's own modules read files, too."""
+
+    def refused(path: Path, *arguments: Any, **options: Any) -> Any:
+        if path == file:
+            raise PermissionError(13, "Permission denied")
+        return method(path, *arguments, **options)
+
+    return refused
+
+
 def test_a_place_that_may_not_be_looked_into_is_a_fault(
     file: Path, here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "lstat", refused)  # root may look everywhere
-    monkeypatch.setattr(Path, "read_text", refused)
+    # Root may look everywhere.
+    for name in ("lstat", "read_text"):
+        monkeypatch.setattr(Path, name, refusing(getattr(Path, name), file))
     code, _, said = here.words_of("settings")
     assert code == 2
     assert f"{file}: cannot be read (Permission denied)" in said
