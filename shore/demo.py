@@ -123,9 +123,11 @@ class Child:
             raise self.death() from error
 
     def death(self) -> WayfixError:
-        """The sentence for a child that has ended."""
+        """The sentence for a child that has ended; one that refuses its arguments has said it itself."""
         time.sleep(0.1)  # its last line may still be on the way
         code = self.process.poll()
+        if code == 2 and self.last_lines:
+            return WayfixError(self.last_lines[-1].removeprefix("wayfix-onboard: "))
         how = f"killed by {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
         last = self.last_lines[-1] if self.last_lines else "it said nothing"
         return WayfixError(f"{self.name} ended unexpectedly ({how}): {last}", cure="the demo stops")
@@ -225,6 +227,8 @@ class Demo:
         ]
         self._virtual = Child("virtual boat", ["virtual", *source, *length, *place, *clock, "--hold"])
         ready = self._virtual.expect("ready", READY_S, self._stop)
+        for warning in self._virtual.last_lines:
+            self._say(warning)
         state, keys = Path(ready["config"]).with_name("state"), new_keys()
         _allow(state, keys.public)
         self._daemon = Child("daemon", ["run", ready["config"], "--state", str(state), *clock])
