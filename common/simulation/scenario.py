@@ -75,6 +75,10 @@ class Outage:
     from_s: float
     length_s: float
 
+    def covers(self, t_s: Any) -> Any:
+        """Whether a time, or each of an array of times, lies in it."""
+        return (t_s >= self.from_s) & (t_s < self.from_s + self.length_s)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
@@ -135,17 +139,14 @@ class Scenario:
         return (timed for timed in every if self._is_given(timed))
 
     def _is_given(self, timed: Timed) -> bool:
-        return not any(
-            outage.sensor == timed.sensor and outage.from_s <= timed.t_s < outage.from_s + outage.length_s
-            for outage in self.outages
-        )
+        return not any(outage.sensor == timed.sensor and outage.covers(timed.t_s) for outage in self.outages)
 
     def works(self, sensor: str, t_s: Array) -> npt.NDArray[np.bool_]:
         """Whether the sensor gives something at each time (bool): not within an outage."""
         given = np.ones(len(t_s), dtype=np.bool_)
         for outage in self.outages:
             if outage.sensor == sensor:
-                given &= (t_s < outage.from_s) | (t_s >= outage.from_s + outage.length_s)
+                given &= np.logical_not(outage.covers(t_s))
         return given
 
 

@@ -59,12 +59,9 @@ class VoyageSource:
 
     def _lines(self, port: str, start_ns: int, utc_ns: int) -> Iterator[SerialLine]:
         """The lines of one port, encoded as they come up; t = 0 of the readings is boat time `start_ns`."""
-        each = {
-            sensor.id: self._lines_of(sensor, start_ns, utc_ns)
-            for sensor in self._voyage.config.sensor
-            if sensor.port == port
-        }
-        return heapq.merge(*each.values(), key=lambda line: line.ready_ns)
+        sensors = (sensor for sensor in self._voyage.config.sensor if sensor.port == port)
+        each = [self._lines_of(sensor, start_ns, utc_ns) for sensor in sensors]
+        return heapq.merge(*each, key=lambda line: line.ready_ns)
 
     def _lines_of(self, sensor: SensorTable, start_ns: int, utc_ns: int) -> Iterator[SerialLine]:
         variation_deg = self._voyage.boat.variation_deg or 0.0

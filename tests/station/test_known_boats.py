@@ -16,10 +16,10 @@ A, B = (key_text(bytes([number]) * 32).encode() for number in (1, 2))
 
 
 def test_where_keys_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", "/home/anna")
-    assert directory_of(None, {}) == Path("/home/anna/.config/wayfix")
+    monkeypatch.setenv("HOME", "/somebody")
+    assert directory_of(None, {}) == Path("/somebody/.config/wayfix")
     assert directory_of(None, {"XDG_CONFIG_HOME": "/c"}) == Path("/c/wayfix")
-    assert directory_of(None, {"XDG_CONFIG_HOME": "relative"}) == Path("/home/anna/.config/wayfix")
+    assert directory_of(None, {"XDG_CONFIG_HOME": "relative"}) == Path("/somebody/.config/wayfix")
     assert directory_of(None, {"XDG_CONFIG_HOME": "/c", "WAYFIX_KEYS": "/k"}) == Path("/k")
     assert directory_of(Path("/d"), {"WAYFIX_KEYS": "/k"}) == Path("/d")
 
