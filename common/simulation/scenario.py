@@ -136,7 +136,7 @@ class Scenario:
         """
         flaws = dict(self.flaws_of).get(sensor.id, self.flaws)
         every = ThesisSensor(sensor, phases_of(sensor, self.phases), flaws, draws).readings(truth, self.plane)
-        return (timed for timed in every if self._is_given(timed))
+        return filter(self._is_given, every) if self.outages else every
 
     def _is_given(self, timed: Timed) -> bool:
         return not any(outage.sensor == timed.sensor and outage.covers(timed.t_s) for outage in self.outages)

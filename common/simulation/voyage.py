@@ -1,7 +1,8 @@
 """A voyage: readings and the ground truth behind them, the same for a simulated world and a played recording."""
 
-import heapq
 from dataclasses import dataclass, field
+from itertools import chain
+from operator import attrgetter
 
 from common.boat_config import BoatConfig, BoatTable
 from common.geodesy import LocalPlane
@@ -42,5 +43,5 @@ def boat_voyage(world: World, config: BoatConfig, seed: int = 1, seconds: float 
     """
     truth, draws = world.truth(seed, seconds), world.draws(seed)
     each = [world.readings(truth, sensor, draws) for sensor in config.sensor]
-    readings = heapq.merge(*each, key=lambda timed: timed.t_s)
+    readings = sorted(chain.from_iterable(each), key=attrgetter("t_s"))
     return Voyage(name=world.name, config=config, plane=world.plane, truth=truth, readings=tuple(readings))
