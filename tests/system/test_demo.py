@@ -6,7 +6,7 @@ import math
 import statistics
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -37,6 +37,30 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
         return list(together.map(lambda n: demo(directory / f"{n}", "--seed", f"{n}", "--speed", "8"), SEEDS))
 
 
+class Short(NamedTuple):
+    """Runs that sail beside each other after those."""
+
+    slow: list[Run]
+    """The first 90 s of the mission at speed 1."""
+    fast: list[Run]
+    """The same at eight times the speed."""
+    recorded: Run | None
+    """A real recording at eight times the speed; `None` = it is not here."""
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Short:
+    """Those of speed 1 hardly use the machine, so the others sail beside them, two at a time: late stamps tell."""
+    directory = tmp_path_factory.mktemp("short")
+    length = ("--seconds", "90", "--speed")
+    recording = ("--recording", BLUEBOAT, "--map", BLUEBOAT_MAP, "--speed", "8")
+    with ThreadPoolExecutor(3) as at_one, ThreadPoolExecutor(2) as at_eight:
+        slow = at_one.map(lambda n: demo(directory / f"1-{n}", *length, "1"), range(3))
+        recorded = at_eight.submit(demo, directory / "recorded", *recording) if BLUEBOAT.exists() else None
+        fast = at_eight.map(lambda n: demo(directory / f"8-{n}", *length, "8"), range(5))
+        return Short(list(slow), list(fast), recorded.result() if recorded is not None else None)
+
+
 def test_no_frame_is_lost_on_any_seed(runs: list[Run]) -> None:
     for run in runs:
         assert run["frames"]["lost"] == 0
@@ -63,15 +87,10 @@ def counts(run: Run) -> tuple[int, int, int]:
     return sum(len(frame.fixes) for frame in frames), sum(len(frame.headings) for frame in frames), samples
 
 
-def test_speed_one_and_eight_give_the_same_measurements_and_figures(tmp_path: Path) -> None:
+def test_speed_one_and_eight_give_the_same_measurements_and_figures(short: Short) -> None:
     # Runs of one speed differ by how late the machine lets a stamp be, at eight times the speed eight times as much
     # (docs/decisions.md): the means must agree within 5 %, as far as the scatter of these runs can tell.
-    # Those of speed 1 hardly use the machine, so the others sail one after the other beside them.
-    with ThreadPoolExecutor() as together:
-        at_one = together.map(lambda n: demo(tmp_path / f"1-{n}", "--seconds", "90", "--speed", "1"), range(3))
-        fast = [demo(tmp_path / f"8-{n}", "--seconds", "90", "--speed", "8") for n in range(5)]
-        slow = list(at_one)
-
+    slow, fast = short.slow, short.fast
     assert {counts(run) for run in fast} == {counts(run) for run in slow}
     assert len({counts(run) for run in fast}) == 1
     for key in ("position_rms_m", "heading_rms_deg"):
@@ -83,13 +102,14 @@ def test_speed_one_and_eight_give_the_same_measurements_and_figures(tmp_path: Pa
             assert abs(ratio - 1.0) <= 0.05 + 2.0 * error / statistics.mean(ones), (key, name)
 
 
-def test_a_real_recording_through_the_whole_path(tmp_path: Path) -> None:
-    if not BLUEBOAT.exists():
+def test_a_real_recording_through_the_whole_path(short: Short) -> None:
+    if short.recorded is None:
         pytest.skip("the recordings of ../shared/data are not here")
-    run = demo(tmp_path, "--recording", BLUEBOAT, "--map", BLUEBOAT_MAP, "--speed", "8")
+    run = short.recorded
     assert run["frames"]["lost"] == 0
     frames = [decode_frame(data) for data in read_log(run["log"]).frames()]
-    sent = [json.loads(line) for line in (tmp_path / "boat" / "sent.jsonl").read_text().splitlines()]
+    boat = Path(run["log"]).parent / "boat"
+    sent = [json.loads(line) for line in (boat / "sent.jsonl").read_text().splitlines()]
     with BLUEBOAT.open(newline="") as file:
         rows = sum(1 for _ in csv.DictReader(file))
     kinds = {kind: sum(item["kind"] == kind for item in sent) for kind in ("Fix", "Heading", "ImuSample")}
