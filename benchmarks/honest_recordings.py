@@ -148,7 +148,8 @@ def blueboat_faults(bench: Bench) -> Iterator[Line]:
     worlds = ("no-imu", "healthy", *voyages.FAULTS)
     jobs = {(run, world): _blueboat_jobs(bench, run, world) for run in BLUEBOATS for world in worlds}
     for run in BLUEBOATS:
-        turned_s = voyages.first_turn_s(voyages.blueboat_voyage(_blueboat_file(run), 0, None).truth)
+        voyage = voyages.blueboat_voyage(_blueboat_file(run), 0, None)
+        turned_s = voyages.first_turn_s(voyage.truth)
         said = "no turn of 20 deg" if turned_s is None else f"20 deg turned @ {turned_s:.0f} s"
         without, healthy = total(jobs[run, "no-imu"])[0], total(jobs[run, "healthy"])[0]
         for fault in voyages.FAULTS:
@@ -163,7 +164,8 @@ def blueboat_faults(bench: Bench) -> Iterator[Line]:
                 Figure("shown_dg", sailed.figure("shown_deg")),
                 Figure("share", sailed.figure("share")),
             )
-            yield Line(f"{run} {fault}", figures, notes(failed, said, sailed.events_said() or "no event"))
+            since = f"from {voyages.STUCK_FROM * voyage.seconds:.0f} s on" if fault == "stuck" else ""
+            yield Line(f"{run} {fault}", figures, notes(failed, since, said, sailed.events_said() or "no event"))
 
 
 def sail_still(file: Path, name: str) -> Sailed:
@@ -338,7 +340,7 @@ ROWS: Final[dict[str, Callable[[Bench], Iterator[Line]]]] = {
 def main() -> None:
     """Print a line for each run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("rows", nargs="*", metavar="ROW", choices=[[], *ROWS], help="left out = all")
+    parser.add_argument("rows", nargs="*", metavar="ROW", help="left out = all; --list says what there is")
     parser.add_argument("--draws", type=int, default=12)
     parser.add_argument("--filters", default="fuzzy")
     parser.add_argument("--workers", type=int, default=2)
@@ -349,6 +351,8 @@ def main() -> None:
     if arguments.list:
         print("\n".join(f"{name:<16} {row.__doc__}" for name, row in ROWS.items()))
         return
+    if unknown := [row for row in arguments.rows if row not in ROWS]:
+        parser.error(f"no row {', '.join(unknown)}; there are {', '.join(ROWS)}")
     if not SHARED.exists():
         sys.exit(f"{SHARED} is not here: the recordings lie beside the repository")
     records = []

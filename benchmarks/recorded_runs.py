@@ -6,7 +6,7 @@ waits for nothing. `share` = share of the frames of that time for which it gave 
 
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -151,15 +151,18 @@ def _scored(
 ) -> Sailed:
     raw = _raw(frames, course, keep)
 
-    def sums(found: Iterable[Estimate]) -> Sums:
+    def sums(found: Sequence[Estimate]) -> Sums:
         kept = [item for item in found if keep(item.t_ns)]
         return sums_of(kept, course.truth, course.plane, raw, settled_s=SETTLED_S, start_ns=course.start_ns)
 
     first_ns = course.start_ns + SETTLED_S * NS_PER_S
     last_ns = course.start_ns + course.seconds * NS_PER_S
+    placed = [item for item in estimates if all(words.startswith("heading") for words in item.waiting)]
+    aligned = [item for item in placed if item.aligned]
+    place = sums(placed)
     return Sailed(
-        place=sums(item for item in estimates if all(words.startswith("heading") for words in item.waiting)),
-        heading=sums(item for item in estimates if item.aligned),
+        place=place,
+        heading=place if len(aligned) == len(placed) else sums(aligned),
         frames=float(sum(first_ns <= frame.t1_ns <= last_ns and keep(frame.t1_ns) for frame in frames)),
         events=events,
     )
