@@ -11,29 +11,30 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from benchmarks import recorded_voyages as voyages
 from benchmarks.asked import Figure, Line, median, notes, ratio
+from benchmarks.recorded_cases import cases
 from benchmarks.recorded_runs import (
+    SHARED,
+    Bench,
+    Jobs,
     Sailed,
     course_at_rest,
     course_of_fixes,
-    course_of_reference,
     imported_frames,
     near_fix,
     sail,
     sail_voyage,
-    usable_fixes,
+    total,
 )
 
-SHARED: Final = Path(__file__).parents[2] / "shared"
-DATA, CASES = SHARED / "data", SHARED / "cases" / "accuracy"
+DATA: Final = SHARED / "data"
 BLUEBOATS: Final = ("216", "218", "220", "224", "225", "228", "232", "235")
 STILL: Final = (
     "radar-ttm-nmea/RadarLogs_lines_20001-40000.txt",
@@ -43,28 +44,6 @@ STILL: Final = (
 """Moored boats with a compass, and a receiver that lies still, alone. None of them is under way."""
 PEER_BLUEBOAT_M: Final = {"220": 0.82, "224": 0.87, "225": 0.80, "232": 0.81, "235": 0.83}
 """What the peer reached on the same recordings (position RMS, m)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Bench:
-    """What a row needs."""
-
-    pool: Executor
-    draws: int
-    filter: str
-    hdop: float | None
-
-
-Jobs = Sequence["Future[Sailed]"]
-NOTHING: Final = Sailed()
-
-
-def total(jobs: Jobs) -> tuple[Sailed, str]:
-    """The sum over the runs that came to an end, and the words of the first that did not."""
-    failed = [job.exception() for job in jobs if job.exception() is not None]
-    done = [job.result() for job in jobs if job.exception() is None]
-    words = "" if not failed else f"{len(failed)} of {len(jobs)} runs failed: {failed[0]!r}"
-    return (sum(done[1:], done[0]) if done else NOTHING), words
 
 
 def sail_ocean(file: Path, hdop: float | None, name: str, *, with_velocity: bool, seed: int) -> Sailed:
@@ -209,98 +188,6 @@ def ferry(bench: Bench) -> Iterator[Line]:
             Figure("head_deg", sailed.figure("heading_deg")),
         )
         yield Line(run, figures, notes(failed, sailed.events_said()))
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """What is right for a case, and what the peer reached."""
-
-    asks: dict[str, dict[str, Any]]
-    peer_m: float | None = None
-    peer_deg: float | None = None
-
-
-AT_MOST_2_DEG: Final = {"heading_deg": {"most": 2.0}}
-RIGHT: Final = {
-    "healthy": Case({"position_m": {"most": 1.5}, "heading_deg": {"most": 0.5}}, 0.60, 0.50),
-    "imu-stuck-from-150s": Case({"position_m": {"most": 2.5}, **AT_MOST_2_DEG}, 0.59, 0.70),
-    "imu-upside-down": Case(AT_MOST_2_DEG, 0.97, 120.0),
-    "imu-all-zeros": Case(AT_MOST_2_DEG, 0.58, 0.81),
-    "imu-turned-90deg": Case({"position_m": {"most": 1.8}}, 0.60, 0.52),
-    "heel-in-turns-6ms": Case({"position_m": {"most": 1.5}}, 0.46, 0.51),
-    "gps-correlated-tau120": Case({"in95": {"least": 0.90}, "velocity_m_s": {"most": 0.15}}, 1.42, 0.50),
-    "no-compass-in-current": Case({"heading_e_s": {"most": 1.0, "may_lack": True}, "share": {"least": 0.95}}),
-}
-"""From the README of the cases; the bound of a boat without compass is the issue's."""
-CASE_FIGURES: Final = {
-    "position_m": "pos_m",
-    "heading_deg": "head_deg",
-    "in95": "in95",
-    "shown_m": "shown_m",
-    "velocity_m_s": "vel_m_s",
-    "heading_e_s": "head_e/s",
-    "shown_deg": "shown_dg",
-    "share": "share",
-}
-"""Figures of a case, and what stands above them."""
-RTK_PARTS: Final[dict[str, dict[str, dict[str, Any]]]] = {
-    "RTK": {"shown_m": {"most": 0.1}},
-    "single": {"shown_m": {"least": 2.0}},
-    "RTK again": {},
-}
-
-
-def sail_case(case: str, name: str) -> Sailed:
-    map_file = "map-no-compass.toml" if case.startswith("no-compass") else "map.toml"
-    config, frames = imported_frames(CASES / f"{case}.csv", CASES / map_file)
-    return sail(config, frames, name, course_of_reference(CASES / f"{case}-truth.csv", frames))[""]
-
-
-def sail_rtk_single(name: str) -> dict[str, Sailed]:
-    """Scored in parts: until the quality falls, while it is low, and from there on."""
-    config, frames = imported_frames(CASES / "rtk-single-rtk.nmea")
-    course = course_of_reference(CASES / "rtk-single-rtk-truth.csv", frames)
-    single = [fix.t_ns for fix in usable_fixes(frames) if fix.fix_quality == 1]
-    again = min(fix.t_ns for fix in usable_fixes(frames) if fix.t_ns > single[-1])
-    parts = {
-        "RTK": lambda t_ns: t_ns < single[0],
-        "single": lambda t_ns: single[0] <= t_ns < again,
-        "RTK again": lambda t_ns: t_ns >= again,
-    }
-    return sail(config, frames, name, course, parts)
-
-
-def cases(bench: Bench) -> Iterator[Line]:
-    """The cases of ../shared/cases/accuracy, imported with their map, beside what is right and the peer."""
-    jobs = {case: bench.pool.submit(sail_case, case, bench.filter) for case in RIGHT}
-    parts = bench.pool.submit(sail_rtk_single, bench.filter)
-    for case, job in jobs.items():
-        sailed, failed = total([job])
-        right = RIGHT[case]
-        figures = tuple(
-            Figure(CASE_FIGURES[name], sailed.figure(name), **right.asks.get(name, {})) for name in CASE_FIGURES
-        )
-        peer = Figure("peer_m", right.peer_m), Figure("peer_deg", right.peer_deg)
-        yield Line(case, (*figures, *peer), notes(failed, _first(sailed, right), sailed.events_said() or "no event"))
-    failure = parts.exception()
-    for part, asks in RTK_PARTS.items():
-        sailed = NOTHING if failure else parts.result()[part]
-        wanted = {"in95": {"least": 0.90}, **asks}
-        figures = tuple(
-            Figure(CASE_FIGURES[name], sailed.figure(name), **wanted.get(name, {})) for name in CASE_FIGURES
-        )
-        yield Line(f"rtk-single: {part}", figures, repr(failure) if failure else sailed.events_said() or "no event")
-
-
-def _first(sailed: Sailed, right: Case) -> str:
-    """Is it before the peer?"""
-    pairs = (("position_m", right.peer_m), ("heading_deg", right.peer_deg))
-    said = [
-        f"{name.split('_')[0]} {'before' if value <= peer else 'behind'} peer"
-        for name, peer in pairs
-        if peer is not None and (value := sailed.figure(name)) is not None
-    ]
-    return ", ".join(said)
 
 
 def sail_rtk(file: Path, name: str) -> Sailed:

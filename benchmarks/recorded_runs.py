@@ -7,7 +7,9 @@ waits for nothing. `share` = share of the frames of that time for which it gave 
 import math
 import tempfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Final
 from unittest.mock import patch
@@ -33,6 +35,8 @@ from shore.pipeline import Pipeline
 from shore.replay.frames import Frames
 from shore.report.score import Reference, read_reference
 
+SHARED: Final = Path(__file__).parents[2] / "shared"
+"""Where the recordings and the cases lie: beside the repository."""
 SETTLED_S: Final = 10.0
 START_WORDS: Final = ("filter-started", "filter-waiting", "filter-aligned")
 """Events of every start, which say nothing here."""
@@ -168,8 +172,9 @@ def _scored(
     )
 
 
+@cache
 def imported_frames(source: Path, map_file: Path | None = None) -> tuple[BoatConfig, list[Frame]]:
-    """The frames that `wayfix import` makes of a recording, and the boat it makes of it."""
+    """The boat that `wayfix import` makes of a recording, and its frames."""
     with tempfile.TemporaryDirectory(prefix="wayfix-bench-") as folder:
         out = Path(folder) / "log.mcap"
         kind = recognise(source, has_map=map_file is not None, is_serial=False, is_alone=True)
@@ -230,3 +235,25 @@ def _raw(frames: Sequence[Frame], course: Course, keep: Callable[[int], bool]) -
     seen = course.truth.at(np.array([(fix.t_ns - course.start_ns) / NS_PER_S for fix in fixes]))
     off = places_of(fixes, course.plane) - np.stack((seen.east_m, seen.north_m), axis=1)
     return float(np.sum(off**2)), float(len(fixes))
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """What a row needs."""
+
+    pool: Executor
+    draws: int
+    filter: str
+    hdop: float | None
+
+
+Jobs = Sequence["Future[Sailed]"]
+NOTHING: Final = Sailed()
+
+
+def total(jobs: Jobs) -> tuple[Sailed, str]:
+    """The sum over the runs that came to an end, and the words of the first that did not."""
+    failed = [job.exception() for job in jobs if job.exception() is not None]
+    done = [job.result() for job in jobs if job.exception() is None]
+    words = "" if not failed else f"{len(failed)} of {len(jobs)} runs failed: {failed[0]!r}"
+    return (sum(done[1:], done[0]) if done else NOTHING), words
