@@ -91,14 +91,21 @@ class Sums:
         }
 
 
-def sums_of(estimates: Sequence[Estimate], truth: Truth, plane: LocalPlane, raw: tuple[float, float]) -> Sums:
-    """Score one filter on one boat."""
-    kept = [item for item in estimates if item.aligned and (item.t_ns - START_NS) / NS_PER_S >= SETTLED_S]
+def sums_of(
+    estimates: Sequence[Estimate],
+    truth: Truth,
+    plane: LocalPlane,
+    raw: tuple[float, float],
+    *,
+    settled_s: float = SETTLED_S,
+    start_ns: int = START_NS,
+) -> Sums:
+    """Score valid estimates of one filter on one boat; start_ns: boat time at the start of the truth's clock."""
+    latest_s = float(truth.t_s[-1])
+    kept = [item for item in estimates if settled_s <= (item.t_ns - start_ns) / NS_PER_S <= latest_s]
     if not kept:
         return Sums(raw=raw[0], fixes=raw[1])
-    t_s = np.array([(item.t_ns - START_NS) / NS_PER_S for item in kept])
-    kept = [item for item, inside in zip(kept, t_s <= truth.t_s[-1], strict=True) if inside]
-    seen = truth.at(t_s[t_s <= truth.t_s[-1]])
+    seen = truth.at(np.array([(item.t_ns - start_ns) / NS_PER_S for item in kept]))
     places = np.array([plane.to_east_north_m(item.lat_deg, item.lon_deg) for item in kept])
     offset = places - np.stack((seen.east_m, seen.north_m), axis=1)
     P = np.array([_covariance(item) for item in kept])
@@ -147,7 +154,9 @@ def one_boat(world: str, seed: int, filters: Sequence[str], gps_hz: float, secon
     estimates = [item for frame in frames_of(voyage) for item in pipeline.push(frame).estimates]
     raw = _raw(voyage)
     return {
-        name: sums_of([item for item in estimates if item.filter == name], voyage.truth, voyage.plane, raw)
+        name: sums_of(
+            [item for item in estimates if item.filter == name and item.aligned], voyage.truth, voyage.plane, raw
+        )
         for name in filters
     }
 

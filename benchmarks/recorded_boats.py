@@ -99,9 +99,14 @@ def _catabot(path: Path) -> Boat:
     return Boat(track, tilt_rad=columns[:, :2], tilt_step_s=1.0)
 
 
+def ferry_track(folder: Path) -> Track:
+    """The track of the ferry's RTK receiver at 20 Hz."""
+    return track_of(row["sentence"].encode() for row in _rows(folder / "maneuvering1_GPGGA.csv"))
+
+
 def _milliampere(folder: Path) -> Boat:
     """The receiver at 20 Hz; roll and pitch of its inertial unit, consecutive samples of 100 Hz (see its README)."""
-    track = track_of(row["sentence"].encode() for row in _rows(folder / "maneuvering1_GPGGA.csv"))
+    track = ferry_track(folder)
     rows = _rows(folder / "maneuvering1_imu.csv")
     x, y, z, w = (np.array([float(row[f"orientation_{axis}"]) for row in rows]) for axis in "xyzw")
     roll = np.unwrap(np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
