@@ -21,7 +21,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -29,7 +29,7 @@ import numpy as np
 from benchmarks.scoring import SETTLED_S, Array, Sums, errors_of, voyage_s
 from benchmarks.stress_messages import PLANE, Fixes, frames_of
 from benchmarks.stress_rows import COMPASS_CODES, GYRO_CODES, VELOCITY_CODES, Row, rows_named
-from benchmarks.stress_world import Boat, World, sail
+from benchmarks.stress_world import LEGS, Boat, World, sail
 from common.errors import WayfixError
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Pipeline
@@ -92,7 +92,7 @@ def _score(boat: Boat, fixes: Fixes, estimates: Sequence[Estimate], frames: int)
     aligned = [item for item in estimates if item.aligned]
     errors = errors_of(estimates if world.any_estimate else aligned, boat.truth, PLANE)
     sums = {}
-    for name, from_s, to_s in _parts(boat, fixes):
+    for name, from_s, to_s in scored_parts(boat, fixes):
         keep = (errors.t_s >= from_s) & (errors.t_s < to_s)
         if world.at_fixes:
             keep &= np.abs(errors.t_s * world.gps_hz - np.round(errors.t_s * world.gps_hz)) < 1e-6
@@ -116,7 +116,7 @@ def _share(estimates: Sequence[Estimate], frames: int) -> float:
     return sum(voyage_s(item.t_ns) >= SETTLED_S for item in estimates) / max(frames, 1)
 
 
-def _parts(boat: Boat, fixes: Fixes) -> tuple[tuple[str, float, float], ...]:
+def scored_parts(boat: Boat, fixes: Fixes) -> tuple[tuple[str, float, float], ...]:
     """What is scored; after an outage that is the last estimate before the first fix."""
     if boat.outage is None:
         return boat.world.parts
@@ -212,8 +212,13 @@ def _jobs(row: Row, arguments: argparse.Namespace) -> tuple[list[Job], list[Job]
     filters = tuple(arguments.filters.split(",")) if arguments.filters else row.filters
     seconds = min(row.seconds, arguments.seconds)
     seeds = range(arguments.first, arguments.first + arguments.boats)
-    beside = [(row.beside, seed, filters, seconds) for seed in seeds] if row.beside else []
-    return [(row.world, seed, filters, seconds) for seed in seeds], beside
+    beside = [(_tracked(row.beside, arguments.track), seed, filters, seconds) for seed in seeds] if row.beside else []
+    return [(_tracked(row.world, arguments.track), seed, filters, seconds) for seed in seeds], beside
+
+
+def _tracked(world: World, track: str) -> World:
+    """The world with another track of legs and turns."""
+    return replace(world, track=track) if world.track in LEGS else world
 
 
 def records(rows: Sequence[Row], arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
@@ -224,29 +229,27 @@ def records(rows: Sequence[Row], arguments: argparse.Namespace) -> Iterator[dict
             if job not in running:
                 running[job] = pool.submit(one_boat, *job)
         for row in rows:
-            ours, beside = ([running[job].result() for job in jobs] for jobs in _jobs(row, arguments))
+            try:
+                ours, beside = ([running[job].result() for job in jobs] for jobs in _jobs(row, arguments))
+            except Exception as error:
+                # The other rows are worth their hours.
+                yield {"row": row.name, "failed": f"{type(error).__name__}: {error}"}
+                continue
             for name in ours[0].scores:
-                figures = figures_of(row, name, ours, beside or None)
-                yield {
-                    "row": row.name,
-                    "filter": name,
-                    "boats": len(ours),
-                    "figures": figures,
-                    "asks": [
-                        {
-                            "figure": ask.figure,
-                            "ask": str(ask),
-                            "value": figures.get(ask.figure, math.nan),
-                            "ok": ask.holds(figures.get(ask.figure, math.nan)),
-                        }
-                        for ask in row.asks
-                    ],
-                    "said": _said(ours),
-                }
+                yield _record(row, name, ours, beside)
+
+
+def _record(row: Row, name: str, ours: Sequence[Run], beside: Sequence[Run]) -> dict[str, Any]:
+    figures = figures_of(row, name, ours, beside or None)
+    values = [(ask, figures.get(ask.figure, math.nan)) for ask in row.asks]
+    asks = [{"figure": ask.figure, "ask": str(ask), "value": value, "ok": ask.holds(value)} for ask, value in values]
+    return {"row": row.name, "filter": name, "boats": len(ours), "figures": figures, "asks": asks, "said": _said(ours)}
 
 
 def line_of(record: dict[str, Any]) -> str:
     """A record as one line: the usual figures, each ask beside its figure, the events."""
+    if "failed" in record:
+        return f"{record['row']:<26}FAILED: {record['failed']}"
     shown = "".join(f"{record['figures'].get(key, math.nan):>8.2f}" for key in SHOWN)
     asks = "; ".join(
         f"{ask['figure']} {ask['value']:.3g} {ask['ask']} {'ok' if ask['ok'] else '-'}" for ask in record["asks"]
@@ -265,13 +268,14 @@ def heading() -> str:
 
 
 def main() -> int:
-    """Print a line for each row and filter."""
+    """Print a line for each row and filter; exit code 1 when a row failed to run, whatever the asks say."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("rows", nargs="*", metavar="ROW")
     parser.add_argument("--boats", type=int, default=20)
     parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--filters", help="default: fuzzy; in starts fuzzy,imm,fuzzy-qr")
     parser.add_argument("--seconds", type=float, default=600.0, help="at most; rows may be shorter")
+    parser.add_argument("--track", default="legs", choices=LEGS, help="drawn, or as in the studies, which is easier")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--list", action="store_true", help="name the rows and end")
@@ -287,9 +291,11 @@ def main() -> int:
         return 0
     if not arguments.json:
         print(heading())
+    failed = False
     for record in records(rows, arguments):
+        failed |= "failed" in record
         print(json.dumps(record) if arguments.json else line_of(record), flush=True)
-    return 0
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

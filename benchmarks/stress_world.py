@@ -20,6 +20,12 @@ from common.simulation.waves import narrow_band
 
 FOREVER: Final = (60.0, math.inf)
 """The time that is scored where a world names no parts: all after the first minute."""
+LEGS: Final = {
+    "legs": ((20.0, 30.0, 0.0, 0.6), (60.0, 180.0, 1.0, 1.0)),
+    "study": ((60.0, 120.0, 0.25, 0.6), (60.0, 120.0, 0.42, 0.6)),
+}
+"""Least and most that a track draws: length of a leg (s), angle of a turn (deg), where its rate lies in the range of
+the world (0 to 1), what it leaves of the way (1 = all)."""
 TOLD_LATE_S: Final = 0.3
 """Latency of a fix that the boat's file states, s."""
 
@@ -53,7 +59,7 @@ class World:
     """What is simulated. Equal worlds and seeds give equal boats."""
 
     track: str = "legs"
-    """`legs`, `anchor`, or `rest`."""
+    """`legs`, drawn; `study`, those of the studies' cases; `anchor`, or `rest`."""
     speed_m_s: float = 1.5
     """Through the water; negative = astern."""
     turn_deg_s: tuple[float, float] = (3.0, 12.0)
@@ -198,7 +204,8 @@ def _legs(rng: np.random.Generator, world: World, t_s: Array) -> tuple[Array, Ar
     turns = []
     at_s = 0.0
     while at_s < t_s[-1]:
-        leg_s, angle_deg, share, side, slow = rng.uniform((20.0, 30.0, 0.0, -1.0, 0.6), (60.0, 180.0, 1.0, 1.0, 1.0))
+        leg_s, angle_deg, share, slow = rng.uniform(*LEGS[world.track])
+        side = rng.uniform(-1.0, 1.0)
         rate_deg_s = world.turn_deg_s[0] + share * (world.turn_deg_s[1] - world.turn_deg_s[0])
         begin_s, end_s = at_s + leg_s, at_s + leg_s + angle_deg / rate_deg_s
         turning = (t_s >= begin_s) & (t_s < end_s)
