@@ -9,7 +9,7 @@ are over all boats and times of a part, from the first minute on unless the row 
   / that of the same boat without the sensor that is wrong.
 * `*_blamed` = boats with such an event (those before a fault are not counted). `*_named_s` = the longest time of a boat
   from the fault to the first such event, inf when a boat has none; of the gyro it is from the beginning of the first
-  turn that passes 20 deg after the fault, `gyro_named20_s` from when it has passed them.
+  turn that passes 20 deg after the fault, `gyro_named20_s` from when it has passed them, `gyro_onset_s` from the fault.
 * `given`, `aligned` = share of the frames after the first minute with an estimate.
 * Starts: a quantile of error / own sigma (position: sqrt(d^2 / 2)), and the wait until the first aligned estimate.
 """
@@ -120,7 +120,7 @@ def scored_parts(boat: Boat, fixes: Fixes) -> tuple[tuple[str, float, float], ..
     """What is scored; after an outage that is the last estimate before the first fix."""
     if boat.outage is None:
         return boat.world.parts
-    back_s = float(fixes.t_s[np.searchsorted(fixes.t_s, boat.outage[1])])
+    back_s = float(min(fixes.t_s[fixes.t_s >= boat.outage[1]], default=math.inf))
     period_s = 1.0 / boat.world.config().frames.rate_hz
     return (("", back_s - period_s + 1e-6, back_s + 1e-6),)
 
@@ -173,8 +173,9 @@ def _named(world: World, runs: Sequence[Run]) -> dict[str, float]:
         figures[f"{sensor}_blamed"] = float(sum(first is not None for first in firsts))
         if fault is None:
             continue
+        since = "gyro_onset_s" if sensor == "gyro" else f"{sensor}_named_s"
+        figures[since] = max(_less(first, from_s) for first in firsts)
         if sensor != "gyro":
-            figures[f"{sensor}_named_s"] = max(_less(first, from_s) for first in firsts)
             continue
         pairs = [(first, run.turn_s) for first, run in zip(firsts, runs, strict=True) if run.turn_s is not None]
         for key, which in (("gyro_named_s", 0), ("gyro_named20_s", 1)):
@@ -249,7 +250,7 @@ def _record(row: Row, name: str, ours: Sequence[Run], beside: Sequence[Run]) -> 
 def line_of(record: dict[str, Any]) -> str:
     """A record as one line: the usual figures, each ask beside its figure, the events."""
     if "failed" in record:
-        return f"{record['row']:<26}FAILED: {record['failed']}"
+        return f"{record['row']:<28}FAILED: {record['failed']}"
     shown = "".join(f"{record['figures'].get(key, math.nan):>8.2f}" for key in SHOWN)
     asks = "; ".join(
         f"{ask['figure']} {ask['value']:.3g} {ask['ask']} {'ok' if ask['ok'] else '-'}" for ask in record["asks"]
@@ -257,14 +258,14 @@ def line_of(record: dict[str, Any]) -> str:
     said = ", ".join(
         f"{code} {of['boats']}/{record['boats']} first {of['first_s']:.0f} s" for code, of in record["said"].items()
     )
-    return f"{record['row']:<26}{record['filter']:<9}{shown}  {asks}" + (f"  [{said}]" if said else "")
+    return f"{record['row']:<28}{record['filter']:<9}{shown}  {asks}" + (f"  [{said}]" if said else "")
 
 
 def heading() -> str:
     """The line above."""
     short = {"position_m": "pos m", "position_e_s": "e/s", "velocity_m_s": "vel m/s", "heading_deg": "hdg deg"}
     names = [short.get(key, key.replace("heading_e_s", "hdg e/s").replace("_m", " m")) for key in SHOWN]
-    return f"{'row':<26}{'filter':<9}" + "".join(f"{name:>8}" for name in names) + "  asks [events]"
+    return f"{'row':<28}{'filter':<9}" + "".join(f"{name:>8}" for name in names) + "  asks [events]"
 
 
 def main() -> int:
@@ -287,7 +288,7 @@ def main() -> int:
         return 2
     if arguments.list:
         for row in rows:
-            print(f"{row.name:<26}{'; '.join(f'{ask.figure} {ask}' for ask in row.asks)}")
+            print(f"{row.name:<28}{'; '.join(f'{ask.figure} {ask}' for ask in row.asks)}")
         return 0
     if not arguments.json:
         print(heading())

@@ -136,7 +136,7 @@ def _imu() -> Iterator[Row]:
             parts = (("", max(60.0, from_s), math.inf),)
             for kind in IMU_FAULTS:
                 named_s = 8.0 if kind == "rad-s" else 5.0
-                asks = (
+                asks: tuple[Ask, ...] = (
                     most("beside_ratio", 1.10),
                     most("heading_deg", 3.0 if tail else 2.0),
                     most("gyro_named20_s", 12.0 if tail else named_s),
@@ -145,6 +145,9 @@ def _imu() -> Iterator[Row]:
                 if kind == "turned-90":
                     # The gyro is right: only the accelerometers are turned.
                     asks = (*asks[:2], most("gyro_blamed", 0), asks[3])
+                if kind in {"zero", "stuck"} and from_s:
+                    # Five samples of 10 Hz, and the frame in which they come.
+                    asks = (*asks, most("gyro_onset_s", 1.0))
                 world = replace(base, imu_fault=Fault(kind=kind, from_s=from_s), parts=parts)
                 yield Row(f"imu-{kind}{onset}{tail}", world, asks, replace(base.without_imu(), parts=parts))
 

@@ -97,7 +97,7 @@ def test_naming_counts_from_the_turn_and_not_before_the_fault() -> None:
     row = Row("imu", World(imu_fault=Fault(kind="sign", from_s=300.0)))
     named = _run(3.0, (10.0, "gyro-set-aside"), (317.0, "gyro-set-aside"))
     figures = figures_of(row, "fuzzy", [named], [_run(1.0)])
-    assert [figures[key] for key in ("gyro_named_s", "gyro_named20_s")] == [7.0, 2.0]
+    assert [figures[key] for key in ("gyro_named_s", "gyro_named20_s", "gyro_onset_s")] == [7.0, 2.0, 17.0]
     assert [figures[key] for key in ("beside_ratio", "raw_ratio")] == [1.0, 2.0]
     figures = figures_of(row, "fuzzy", [named, _run(3.0, (10.0, "gyro-set-aside"))], None)
     assert [figures[key] for key in ("gyro_named_s", "gyro_blamed", "blamed")] == [math.inf, 1.0, 2.0]
