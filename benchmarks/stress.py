@@ -9,7 +9,8 @@ are over all boats and times of a part, from the first minute on unless the row 
   / that of the same boat without the sensor that is wrong.
 * `*_blamed` = boats with such an event (those before a fault are not counted). `*_named_s` = the longest time of a boat
   from the fault to the first such event, inf when a boat has none; of the gyro it is from the beginning of the first
-  turn that passes 20 deg after the fault, `gyro_named20_s` from when it has passed them, `gyro_onset_s` from the fault.
+  turn that passes 20 deg after the fault, `gyro_named20_s` from when it has passed them, `gyro_onset_s` from the fault;
+  `imu_*` = the same with any event that sets a part of the inertial unit aside.
 * `given`, `aligned` = share of the frames after the first minute with an estimate.
 * Starts: a quantile of error / own sigma (position: sqrt(d^2 / 2)), and the wait until the first aligned estimate.
 """
@@ -28,7 +29,7 @@ import numpy as np
 
 from benchmarks.scoring import SETTLED_S, Array, Sums, errors_of, voyage_s
 from benchmarks.stress_messages import PLANE, Fixes, frames_of
-from benchmarks.stress_rows import COMPASS_CODES, GYRO_CODES, VELOCITY_CODES, Row, rows_named
+from benchmarks.stress_rows import BLAMES, Row, rows_named
 from benchmarks.stress_world import LEGS, Boat, World, sail
 from common.errors import WayfixError
 from shore.navigation.estimate import Estimate
@@ -159,27 +160,23 @@ def _total(runs: Sequence[Run], name: str, part: str) -> Sums:
 
 def _named(world: World, runs: Sequence[Run]) -> dict[str, float]:
     """How many boats have events that put the blame on a sensor, and how long it takes where there is a fault."""
-    faults = {
-        "gyro": (GYRO_CODES, world.imu_fault),
-        "compass": (COMPASS_CODES, world.disturbance),
-        "velocity": (VELOCITY_CODES, world.velocity_fault),
-    }
-    figures = {"blamed": float(sum(any(_is_blame(code) for _, code in run.events) for run in runs))}
-    for sensor, (codes, fault) in faults.items():
+    faults = {"gyro": world.imu_fault, "imu": world.imu_fault}
+    faults |= {"compass": world.disturbance, "velocity": world.velocity_fault}
+    figures = {"blamed": float(sum(any(_blames(code, "any") for _, code in run.events) for run in runs))}
+    for sensor, fault in faults.items():
         from_s = fault.from_s if fault else -math.inf
-        firsts = [
-            min((t_s for t_s, code in run.events if code in codes and t_s >= from_s), default=None) for run in runs
-        ]
+        times = [[t_s for t_s, code in run.events if _blames(code, sensor) and t_s >= from_s] for run in runs]
+        firsts = [min(each, default=None) for each in times]
         figures[f"{sensor}_blamed"] = float(sum(first is not None for first in firsts))
         if fault is None:
             continue
-        since = "gyro_onset_s" if sensor == "gyro" else f"{sensor}_named_s"
-        figures[since] = max(_less(first, from_s) for first in firsts)
-        if sensor != "gyro":
-            continue
-        pairs = [(first, run.turn_s) for first, run in zip(firsts, runs, strict=True) if run.turn_s is not None]
-        for key, which in (("gyro_named_s", 0), ("gyro_named20_s", 1)):
-            figures[key] = max((_less(first, turn_s[which]) for first, turn_s in pairs), default=math.nan)
+        turned = fault is world.imu_fault
+        figures[f"{sensor}_onset_s" if turned else f"{sensor}_named_s"] = max(_less(first, from_s) for first in firsts)
+        if turned:
+            pairs = [(first, run.turn_s) for first, run in zip(firsts, runs, strict=True) if run.turn_s is not None]
+            for key, which in (("named_s", 0), ("named20_s", 1)):
+                late = (_less(first, turn_s[which]) for first, turn_s in pairs)
+                figures[f"{sensor}_{key}"] = max(late, default=math.nan)
     return figures
 
 
@@ -187,8 +184,13 @@ def _less(first_s: float | None, from_s: float) -> float:
     return math.inf if first_s is None else first_s - from_s
 
 
-def _is_blame(code: str) -> bool:
-    return code.endswith("-set-aside") or code in GYRO_CODES
+def _blames(code: str, sensor: str) -> bool:
+    """Whether an event puts the blame on a sensor; `imu` = on any part of the inertial unit, `any` = on any sensor."""
+    if sensor in BLAMES:
+        return code in BLAMES[sensor]
+    if sensor == "imu" and (_blames(code, "compass") or _blames(code, "velocity")):
+        return False
+    return code.endswith("-set-aside") or code in BLAMES["gyro"]
 
 
 def _said(runs: Sequence[Run]) -> dict[str, dict[str, float]]:

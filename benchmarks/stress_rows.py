@@ -47,9 +47,12 @@ HEALTHY: Final = World()
 NO_BLAME: Final = Ask("blamed", most=0)
 IN95: Final = Ask("in95", least=0.90)
 MIDDLE_S: Final = 300.0
-GYRO_CODES: Final = ("gyro-set-aside", "imu-repeats")
-COMPASS_CODES: Final = ("compass-set-aside",)
-VELOCITY_CODES: Final = ("velocity-set-aside",)
+BLAMES: Final = {
+    "gyro": ("gyro-set-aside", "imu-repeats"),
+    "compass": ("compass-set-aside",),
+    "velocity": ("velocity-set-aside",),
+}
+"""Codes of the events that put the blame on a sensor."""
 
 
 def most(figure: str, limit: float) -> Ask:
@@ -139,15 +142,15 @@ def _imu() -> Iterator[Row]:
                 asks: tuple[Ask, ...] = (
                     most("beside_ratio", 1.10),
                     most("heading_deg", 3.0 if tail else 2.0),
-                    most("gyro_named20_s", 12.0 if tail else named_s),
+                    most("imu_named20_s", 12.0 if tail else named_s),
                     most("compass_blamed", 0),
                 )
                 if kind == "turned-90":
-                    # The gyro is right: only the accelerometers are turned.
-                    asks = (*asks[:2], most("gyro_blamed", 0), asks[3])
+                    # Only the accelerometers are turned.
+                    asks = (*asks, most("gyro_blamed", 0))
                 if kind in {"zero", "stuck"} and from_s:
                     # Five samples of 10 Hz, and the frame in which they come.
-                    asks = (*asks, most("gyro_onset_s", 1.0))
+                    asks = (*asks, most("imu_onset_s", 1.0))
                 world = replace(base, imu_fault=Fault(kind=kind, from_s=from_s), parts=parts)
                 yield Row(f"imu-{kind}{onset}{tail}", world, asks, replace(base.without_imu(), parts=parts))
 
