@@ -17,7 +17,7 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks.boat_figures import Array
-from benchmarks.honesty import Sums, sums_of
+from benchmarks.scoring import Sums, sums_of
 from common.boat_config import BoatConfig
 from common.geodesy import LocalPlane
 from common.messages import Fix, Frame
