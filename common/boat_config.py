@@ -56,6 +56,12 @@ class BoatTable:
     variation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
     """Magnetic variation where the boat sails, east +; used when the compass does not send its own.
     Left out = by the World Magnetic Model, ashore."""
+    current_sigma_m_s: Annotated[float, Range(0.0, 10.0)] = 0.5
+    """1-sigma of the current on each axis before anything is known of it, m/s: the filters estimate it. 0 = still
+    water."""
+    leeway_m_s: Annotated[float, Range(0.0, 10.0)] = 0.1
+    """1-sigma of the speed athwart through the water, m/s (wind, waves); 0 = the boat goes athwart at will, as a ferry
+    with thrusters all around does, so that its bow says nothing about its way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,9 +123,25 @@ class SensorTable:
     latency_ms: Annotated[float, Range(0.0, 10_000.0)] = 0.0
     """Latency, ms: how long before the first byte of its (first) sentence reaches the board a measurement was valid."""
     sigma_m: Annotated[float, Range(0.001, 1000.0)] = 3.0
-    """1-sigma of a GPS fix on each horizontal axis, m."""
+    """1-sigma of a GPS fix on each horizontal axis at HDOP 1, m, if single or of a quality that says nothing more.
+    The station multiplies it by the HDOP; a receiver that sends GST is taken at its word instead."""
+    sigma_dgps_m: Annotated[float, Range(0.001, 1000.0)] | None = None
+    """The same of a differential fix (quality 2: SBAS, DGPS), m; left out = `sigma_m`."""
+    sigma_rtk_m: Annotated[float, Range(0.001, 1000.0)] = 0.015
+    """The same of a fixed RTK solution (quality 4), m."""
+    sigma_float_m: Annotated[float, Range(0.001, 1000.0)] = 0.3
+    """The same of a floating RTK solution (quality 5), m."""
+    error_lasts_s: Annotated[float, Range(1.0, 36_000.0)] = 150.0
+    """Time for which the lasting part of a fix' error stays alike, s (ionosphere, multipath: 60 to 600 s)."""
     sigma_deg: Annotated[float, Range(0.001, 180.0)] = 1.0
     """1-sigma of a compass heading, deg."""
+    compass_bias_sigma_deg: Annotated[float, Range(0.0, 180.0)] = 2.0
+    """What is left of a constant or slow error of the compass, deg (1-sigma): the filters estimate it. 0 = none."""
+    compass_bias_lasts_s: Annotated[float, Range(1.0, 36_000.0)] = 100.0
+    """Time for which that error stays alike, s."""
+    compass_deviation_sigma_deg: Annotated[float, Range(0.0, 180.0)] = 3.0
+    """What is left of the deviation, deg (1-sigma of each of its two coefficients, sin and cos of the heading): the
+    filters estimate it. 0 = compensated. A heading that an autopilot has fused deserves 1."""
     accel_density: Annotated[float, Range(1e-6, 100.0)] = 0.1
     """IMU acceleration noise, m/s^2/sqrt(Hz). The default is no data sheet's (0.001 to 0.004): a hull that heels or
     trims by 0.4 deg for about a second shows 0.07 m/s^2 of gravity (0.07 sqrt(2 x 1 s) = 0.1). Regular rolling adds
@@ -147,6 +169,9 @@ class SensorTable:
     tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = 0.2
     """A hull that lifts its bow with speed u lets the forward accelerometer see c u |u| of gravity: 1-sigma of c, which
     the filters estimate; 0 = no such state."""
+    heel_leak_sigma: Annotated[float, Range(0.0, 20.0)] = 1.5
+    """A hull that heels in turns lets the starboard accelerometer see c u r of gravity (speed u, yaw rate r): 1-sigma
+    of c, which the filters estimate; 0 = no such state. 1.5 is 0.15 rad of heel for each m/s^2 of u r."""
     week_rollover: bool = False
     """True = the dates of this GPS are 1024 weeks in the past (event `week-rollover`) and are repaired."""
     lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0

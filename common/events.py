@@ -188,6 +188,44 @@ EVENTS: Final[dict[str, EventKind]] = {
         "check its cable, its scale and the model in the board's file",
         side=FILTERS,
     ),
+    "imu-repeats": EventKind(
+        "warning",
+        "{sensor} repeats the same numbers and is not used; position and heading go on without it",
+        "check its cable and its output; it is used again as soon as its numbers change",
+        side=FILTERS,
+    ),
+    "imu-alive": EventKind("info", "the numbers of {sensor} change again: it is used", "nothing to do", side=FILTERS),
+    "gyro-set-aside": EventKind(
+        "warning",
+        "the yaw rate of {sensor} contradicts what else shows the boat's turns and is not used",
+        "check how the unit is mounted (upside down, turned), its sign and its unit (rad/s or deg/s)",
+        side=FILTERS,
+    ),
+    "gyro-taken-back": EventKind(
+        "info", "the yaw rate of {sensor} agrees with the turns again: it is used", "nothing to do", side=FILTERS
+    ),
+    "compass-set-aside": EventKind(
+        "warning",
+        "{sensor} contradicts gyro and course and is not used; the heading goes on without it",
+        "look for iron or a current near the compass; it is used again when it agrees",
+        side=FILTERS,
+    ),
+    "compass-taken-back": EventKind("info", "{sensor} is used again", "nothing to do", side=FILTERS),
+    "velocity-set-aside": EventKind(
+        "warning",
+        "speed and course of {sensor} contradict its own positions and are not used",
+        "check the receiver's output; they are used again when they agree",
+        side=FILTERS,
+    ),
+    "velocity-taken-back": EventKind(
+        "info",
+        "speed and course of {sensor} agree with its positions again: they are used",
+        "nothing to do",
+        side=FILTERS,
+    ),
+    "fix-quality": EventKind(
+        "info", "fixes of {sensor} are {now} from here on (before: {before})", "nothing to do", side=FILTERS
+    ),
     "variation-used": EventKind(
         "info",
         "magnetic variation here is {variation_deg} deg (WMM2025, east +, good to {doubt_deg} deg)",

@@ -1,17 +1,20 @@
 """A bank of filters carried side by side from one checkpoint to the next; all they need to rewind is in a `Moment`."""
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from common.messages import ImuBlock
+from common.units import NS_PER_S
 from shore.navigation.filters import Filter, FilterState
 from shore.navigation.imu_track import TimeStep
 from shore.navigation.initial_state import first_state
-from shore.navigation.measurements import FirstHeading, Measurement, Position, Seeds, with_courses
+from shore.navigation.measurements import Course, FirstHeading, Measurement, Position, Seeds, with_courses
 from shore.navigation.motion_model import ImuInput
-from shore.navigation.sensor_facts import FilterFacts
+
+LONGEST_WAIT_NS: Final = 5 * NS_PER_S
+"""A boat whose compass says nothing for this time is shown without a heading."""
 
 
 class Batch(NamedTuple):
@@ -34,17 +37,18 @@ class Moment(NamedTuple):
     position: Position | None = None
     """The newest position so far; filters start from it and from the newest heading."""
     heading: FirstHeading | None = None
+    placed_ns: int | None = None
+    """Boat time of the first position, ns."""
 
 
 class Bank:
     """The filters of one boat."""
 
-    def __init__(self, filters: Sequence[Filter], facts: FilterFacts, has_compass: bool) -> None:
+    def __init__(self, filters: Sequence[Filter], has_compass: bool) -> None:
         self.filters = tuple(filters)
         self.has_compass = has_compass
         self.resets: list[tuple[str, int]] = []
         """Filter and boat time (ns) of each state that was not finite and was thrown away; emptied by the reader."""
-        self._facts = facts
 
     def at_rest(self) -> Moment:
         """Before anything was measured."""
@@ -67,17 +71,26 @@ class Bank:
         seeds = Seeds(moment.position, moment.heading)
         for measured in fused:
             seeds = measured.seed(seeds)
+        placed_ns = t_ns if moment.placed_ns is None and seeds.position is not None else moment.placed_ns
+        is_patient = self.has_compass and placed_ns is not None and t_ns - placed_ns < LONGEST_WAIT_NS
         states = tuple(
-            self._begin(each, t_ns, seeds, shown) if state is None else self._carry(each, state, steps, fused, t_ns)
+            self._begin(each, t_ns, seeds, shown, is_patient)
+            if state is None
+            else self._carry(each, state, steps, fused, t_ns)
             for each, state in zip(self.filters, moment.states, strict=True)
         )
-        return Moment(t_ns, states, *seeds)
+        return Moment(t_ns, states, *seeds, placed_ns)
 
-    def _begin(self, each: Filter, t_ns: int, seeds: Seeds, shown: ImuInput | None) -> FilterState | None:
+    def _begin(
+        self, each: Filter, t_ns: int, seeds: Seeds, shown: ImuInput | None, is_patient: bool
+    ) -> FilterState | None:
+        """Start a filter; that of a real boat does without a heading when no compass speaks."""
         position, heading = seeds
-        if position is None or heading is None:
+        if each.facts.boat is not None and isinstance(heading, Course):
+            heading = None
+        if position is None or (heading is None and (is_patient or each.facts.boat is None)):
             return None
-        each.start(*first_state(t_ns, position, heading, self._facts, shown))
+        each.start(*first_state(t_ns, position, heading, each.facts, shown))
         return each.snapshot()
 
     def _carry(

@@ -20,6 +20,10 @@ REGISTRY: Final[Mapping[str, tuple[Predict, str]]] = {
 """Name -> prediction, rule for R. A rule of `noise/rules.py` is at once a filter of its name, behind the UKF."""
 
 
+AS_PRINTED: Final = frozenset({"fuzzy-thesis"})
+"""Filters that take every sensor for what its channel says, as their source does."""
+
+
 def build_filter(
     name: str, facts: FilterFacts, *, observer: Observer | None = None, judge: Judge | None = None
 ) -> Filter:
@@ -30,4 +34,5 @@ def build_filter(
     if name not in REGISTRY:
         raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
     predict, rule = REGISTRY[name]
+    facts = facts.plain if name in AS_PRINTED else facts
     return Filter(name, predict, NOISE_RULES[rule], facts, observer=observer, judge=judge)

@@ -6,8 +6,8 @@ the states are arrays (..., n), and measurements and inputs are floats for one b
 """
 
 import math
-from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,23 +15,31 @@ from shore.navigation.judge import Evidence, Judge
 from shore.navigation.kalman import (
     Predicted,
     prior_variance,
+    symmetric,
     update_scalar,
+    wrap_heading,
 )
 from shore.navigation.measurements import Measurement, PseudoMeasurement, Scalar, is_angle
 from shore.navigation.motion_model import (
     Gaussian,
     ImuInput,
+    Input,
     ProcessNoise,
     StateSpace,
     with_trim,
 )
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
-from shore.navigation.noise.own_scatter import Scatter, bound
-from shore.navigation.numbers import Array, Number, larger, smaller
+from shore.navigation.noise.own_scatter import Scatter, bound, widest
+from shore.navigation.numbers import Array, Number, clip, larger, smaller
 from shore.navigation.refilter_start import Assumed, Opening, Operation, Passed
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.trust.boat_trust import after_prediction, fuse
+from shore.navigation.trust.inputs import drives
+from shore.navigation.trust.memory import Regard, Trust
 
-Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
+PLAIN: Final = Regard()
+"""A measurement that is what its channel says."""
+Predict = Callable[[Gaussian, float, Input | None, ProcessNoise], Predicted]
 
 
 class FilterState(NamedTuple):
@@ -51,6 +59,8 @@ class FilterState(NamedTuple):
     """What happened since the start, while it may have to be filtered again."""
     judge: Judge | None = None
     """The judge of its sensors, with all it has heard; `None` = every measurement is fused."""
+    trust: Trust | None = None
+    """What a real boat's filter remembers of its sensors; `None` = every sensor is what its channel says."""
 
     @property
     def gaussian(self) -> Gaussian:
@@ -115,8 +125,13 @@ class Filter:
 
         `read_from`: component -> channel whose first sample it is, so that its variance in `P` is that of the channel.
         """
-        opening = Opening.at(x, P, read_from or {}) if self._rule.filters_again else None
-        self._state = FilterState(self.facts.space, x, P, {}, opening=opening, judge=self._judge)
+        space = self.facts.space
+        if self.facts.boat is None:
+            opening = Opening.at(x, P, read_from or {}) if self._rule.filters_again else None
+            self._state = FilterState(space, x, P, {}, opening=opening, judge=self._judge)
+        else:
+            trust = Trust(Gaussian(space, x, P))
+            self._state = FilterState(space, x, P, {}, judge=self._judge, trust=trust)
         if self._observer is not None:
             self._observer.started()
 
@@ -146,7 +161,7 @@ class Filter:
 
     def assume(self, known: PseudoMeasurement) -> None:
         """Fuse what nothing measured: no rule adapts its variance."""
-        self._fuse_known(known)
+        self.fuse_known(known)
         self._note(Assumed(known))
 
     def _note(self, operation: Operation) -> None:
@@ -177,42 +192,94 @@ class Filter:
             if isinstance(operation, Passed):
                 self._pass(*operation)
             elif isinstance(operation, Assumed):
-                self._fuse_known(operation.known)
+                self.fuse_known(operation.known)
             else:
                 self._fuse(operation)
         noise = {name: each._replace(is_held=False) for name, each in self.estimate.noise.items()}
         self._state = self.estimate._replace(noise=noise)
 
     def _pass(self, dt_s: float, imu: ImuInput | None) -> Predicted:
-        state = self.estimate
+        state, boat = self.estimate, self.facts.boat
         before = state.gaussian
         noise = self.facts.free_noise if imu is None else with_trim(before, self._driven(self.facts.imu_noise))
-        predicted = self._predict(before, dt_s, imu, noise)
-        repairs = state.repairs + predicted.repairs
-        x, P = predicted.x, predicted.P
-        self._state = FilterState(state.space, x, P, state.noise, repairs, state.opening, state.judge)
+        if boat is None or state.trust is None:
+            return self._moved(self._predict(before, dt_s, imu, noise))
+        used, noise = drives(before, state.trust, imu, noise)
+        predicted = self._moved(self._predict(before, dt_s, used, noise))
+        after_prediction(boat, self, before, dt_s, imu)
+        return predicted
+
+    def _moved(self, predicted: Predicted) -> Predicted:
+        """Take over what was predicted."""
+        state = self.estimate
+        self._state = state._replace(x=predicted.x, P=predicted.P, repairs=state.repairs + predicted.repairs)
         if self._observer is not None:
             self._observer.passed(state, predicted)
         return predicted
 
     def _fuse(self, measured: Measurement) -> None:
-        lever = self.facts.levers.get(measured.sensor)
-        for component in measured.parts:
-            state = self.estimate
-            self._update(component(state.space, state.x, lever), measured.t_ns)
+        if self.facts.boat is None:
+            self.fuse_parts(measured, [PLAIN] * len(measured.parts))
+        else:
+            fuse(self.facts.boat, self, measured)
 
-    def _fuse_known(self, known: PseudoMeasurement) -> None:
+    @property
+    def gaussian(self) -> Gaussian:
+        """What it believes."""
+        return self.estimate.gaussian
+
+    @property
+    def trust(self) -> Trust:
+        """What it remembers of the sensors of a real boat."""
+        trust = self.estimate.trust
+        assert trust is not None
+        return trust
+
+    def remember(self, trust: Trust) -> None:
+        """Exchange what it remembers of the sensors."""
+        self._state = self.estimate._replace(trust=trust)
+
+    def scatter_of(self, channel: str) -> tuple[float, float] | None:
+        """Own white variance of a channel (m^2 or rad^2), and the weight of what it was learned from."""
+        noise = self.estimate.noise.get(channel)
+        if noise is None or noise.scatter is None:
+            return None
+        return float(noise.scatter.variance), noise.scatter.weight
+
+    def forget(self, sensor: str) -> None:
+        """Forget the noise that was learned of a sensor's channels."""
+        kept = {name: each for name, each in self.estimate.noise.items() if name.rpartition(".")[0] != sensor}
+        self._state = self.estimate._replace(noise=kept)
+
+    def recast(self, x: Array, F: Array, Q: Array) -> None:
+        """Exchange the state: its errors become F errors + noise of covariance Q, (n, n) each."""
+        P = self.estimate.P
+        cross = P @ F.T
+        self._moved(Predicted(wrap_heading(x), symmetric(F @ cross + Q), lambda: cross))
+
+    def fuse_parts(self, measured: Measurement, regards: Sequence[Regard]) -> None:
+        """Fuse the components of a measurement, each as it is regarded."""
+        lever = self.facts.levers.get(measured.sensor)
+        for component, regard in zip(measured.parts, regards, strict=True):
+            state = self.estimate
+            self._update(component(state.space, state.x, lever), measured.t_ns, regard)
+
+    def fuse_known(self, known: PseudoMeasurement, *, has_tail: bool = False) -> None:
+        """Fuse what no rule adapts. has_tail: beyond 4 sigma the variance grows with the innovation."""
         for component in known.parts:
             state = self.estimate
             if (scalar := component(state.space, state.x)) is not None:
                 before = Gaussian(state.space, scalar.x, state.P)
-                x, P = update_scalar(before, scalar.row, scalar.innovation, scalar.variance)
+                R: Number = scalar.variance
+                if has_tail:
+                    R = R + tail(scalar.innovation, prior_variance(state.P, scalar.row) + R)
+                x, P = update_scalar(before, scalar.row, scalar.innovation, R)
                 self._state = state._replace(x=x, P=P)
 
-    def _update(self, scalar: Scalar, t_ns: int) -> None:
+    def _update(self, scalar: Scalar, t_ns: int, regard: Regard) -> None:
         """Ask the judge, adapt R of the channel, then update with it (order of thesis section 5.1.2)."""
         row, innovation, name, measured = scalar
-        state, channel = self.estimate, self.facts.channels[name]
+        state, channel, is_boat = self.estimate, self.facts.channels[name], self.facts.boat is not None
         noise = state.noise.get(name) or ChannelNoise(channel.initial_variance)
         prior = prior_variance(state.P, row)
         judge, scale = state.judge, None
@@ -223,23 +290,34 @@ class Filter:
                 self._state = state._replace(judge=judge)
                 return
         scatter = None
-        if self._rule.is_bounded:
-            scatter = noise.scatter or Scatter.first(channel.initial_variance, is_angle=is_angle(name))
+        if is_boat or self._rule.is_bounded:
+            claimed = channel.initial_variance if regard.claimed is None else regard.claimed
+            scatter = noise.scatter or Scatter.first(claimed, is_angle=is_angle(name), is_white=is_boat)
             scatter = scatter.then((t_ns, measured), counts=not noise.is_held)
+            if is_boat:
+                # R begins at what the sensor itself shows, and follows it
+                channel = channel._replace(initial_variance=float(scatter.variance))
+                noise = noise if noise.scatter else ChannelNoise(channel.initial_variance)
         noise = self._rule.adapt(channel, noise, innovation, prior)
-        bounded, spread = _within(noise.variance, channel, scatter), noise.spread
+        bounded, spread = _within(noise.variance, channel, scatter, is_boat), noise.spread
         R = bounded
+        if is_boat:
+            R = regard.factor * bounded + regard.more
+            R = R + tail(innovation, prior + R)
+            scale = R / bounded
+        elif scale is not None:
+            R = scale * R
         if scale is not None:
             # far beyond p, the gains p / (p + R) of a bank fall as 1 / R, and so does their scatter
-            R, spread = scale * R, spread / (scale * scale)
-        x, P = update_scalar(state.gaussian, row, innovation, R, spread)
+            spread = spread / (scale * scale)
+        x, P = update_scalar(state.gaussian, row, innovation, R, spread, considered=regard.considered)
         theoretical = prior + R
         noise = noise._replace(variance=bounded, nis=innovation * innovation / theoretical, scatter=scatter)
         if self._rule.reviews:
             noise = self._rule.review(channel, noise, innovation * (R / theoretical), prior * R / theoretical)
-            noise = noise._replace(variance=_within(noise.variance, channel, scatter))
+            noise = noise._replace(variance=_within(noise.variance, channel, scatter, is_boat))
         channels = {**state.noise, name: noise}
-        self._state = FilterState(state.space, x, P, channels, state.repairs, state.opening, judge)
+        self._state = state._replace(x=x, P=P, noise=channels, judge=judge)
 
     def _driven(self, noise: ProcessNoise) -> ProcessNoise:
         """The densities of the inputs, raised by what the channels that see them ask for."""
@@ -255,6 +333,14 @@ class Filter:
         return ProcessNoise(noise.accel_fwd * accel, noise.accel_stb * accel, noise.yaw_rate * turn)
 
 
+def tail(innovation: Number, S: Number) -> Number:
+    """What R gains beyond 4 sigma, like the tail of Huber's function: a jump moves the state no more than 4 sigma do.
+
+    S: variance of the innovation.
+    """
+    return 0.25 * larger(innovation * innovation - 16.0 * S, 0.0 * S)
+
+
 def _held(rule: NoiseRule, channel: Channel, noise: ChannelNoise) -> ChannelNoise:
     """R as the rule holds it, within the bound; the scatter's sums know the opening's readings already."""
     held = rule.held(channel, noise)
@@ -262,6 +348,10 @@ def _held(rule: NoiseRule, channel: Channel, noise: ChannelNoise) -> ChannelNois
     return held._replace(variance=variance, scatter=noise.scatter and noise.scatter._replace(readings=()))
 
 
-def _within(variance: Number, channel: Channel, scatter: Scatter | None) -> Number:
-    """R within the bound of the sensor's own scatter."""
-    return variance if scatter is None else smaller(variance, bound(channel.initial_variance, scatter))
+def _within(variance: Number, channel: Channel, scatter: Scatter | None, is_boat: bool = False) -> Number:
+    """R within the bound of the sensor's own scatter, and of a real boat's sensor not below that scatter."""
+    if scatter is None:
+        return variance
+    if is_boat:
+        return clip(variance, scatter.variance, widest(scatter))
+    return smaller(variance, bound(channel.initial_variance, scatter))

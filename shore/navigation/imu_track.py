@@ -21,6 +21,9 @@ from shore.navigation.motion_model import ImuInput
 HOLD_S: Final = 0.25
 HOLD_PERIODS: Final = 3.0
 _LATE_NS: Final = int(LATE_IMU_S * NS_PER_S)
+REPEATED: Final = 5
+"""So many samples in a row that are alike on all axes come from a unit that has stopped measuring: noise never
+repeats three numbers at once. A rate gyro alone may, at rest."""
 LONGEST_STEP_S: Final = 1.0
 MOST_STEPS: Final = 10
 """A stretch above 1 s is predicted in up to ten equal steps: P is then within 1/(4 x 10^2) of the continuous one."""
@@ -31,7 +34,8 @@ class Stretch(NamedTuple):
 
     start_ns: int
     end_ns: int
-    imu: ImuInput
+    imu: ImuInput | None
+    """`None` = the unit repeats its numbers."""
 
 
 class TimeStep(NamedTuple):
@@ -54,6 +58,8 @@ class _Block:
     counts: list[int]
     """Number of samples of which each input is the mean."""
     stretches: list[Stretch] = field(default_factory=list)
+    run: int = 0
+    """How many samples in a row, up to its last one, are alike."""
 
     @property
     def left_out(self) -> int:
@@ -75,6 +81,7 @@ class ImuTrack:
         # An axis that is not used may show anything: it is often left out because it is broken.
         axes = zip(IMU_AXES, LIMITS, strict=True)
         self._limits = tuple(limit if axis in sensor.use else math.inf for axis, limit in axes)
+        self._can_repeat = sensor.role == "imu" and len(sensor.use) == len(IMU_AXES)
         self.left_out = 0
         """Number of samples that were no plausible numbers."""
 
@@ -96,6 +103,11 @@ class ImuTrack:
             starts_ns = [stretch.start_ns for stretch in fresh.stretches[:1]]
             return min([fresh.times_ns[0] - 1, *starts_ns]), fresh.times_ns[-1]
         return None if lost_ns is None else (lost_ns, fresh.end_ns)
+
+    @property
+    def repeats(self) -> bool:
+        """True while the newest samples are all alike: the unit has stopped measuring."""
+        return bool(self._blocks) and self._blocks[-1].run >= REPEATED
 
     def forget_before(self, t_ns: int) -> None:
         """Drop blocks that ended before `t_ns`, except the newest of them."""
@@ -167,12 +179,18 @@ class ImuTrack:
 
     def _cover_later(self, place: int) -> int | None:
         """Renew the stretches up to the next block with samples; returns the first time that they cover otherwise."""
+        first_ns: int | None = None
         for index in range(place, len(self._blocks)):
             block = self._blocks[index]
             if block.times_ns:
-                known, block.stretches = block.stretches, self._cover(index)
-                return None if known == block.stretches else min(s.start_ns for s in (*known[:1], *block.stretches[:1]))
-        return None
+                known, run, block.stretches = block.stretches, block.run, self._cover(index)
+                if known == block.stretches and run == block.run:
+                    return first_ns
+                changed = [s.start_ns for s in (*known[:1], *block.stretches[:1])]
+                first_ns = min(changed if first_ns is None else [first_ns, *changed])
+                if run == block.run:
+                    return first_ns
+        return first_ns
 
     def _cover(self, place: int) -> list[Stretch]:
         """The stretches of a block, given those before it."""
@@ -182,6 +200,8 @@ class ImuTrack:
         earlier = self._blocks[place - 1 :: -1] if place else []
         last_ns = next((before.times_ns[-1] for before in earlier if before.times_ns), None)
         stretches = []
+        known = next((before for before in earlier if before.times_ns), None)
+        last, run = (known.inputs[-1], known.run) if known else (None, 0)
         coarse = self._coarse(earlier[0], block) if earlier else None
         if coarse:
             stretches.append(coarse)
@@ -189,9 +209,12 @@ class ImuTrack:
         for t_ns, imu, count in zip(block.times_ns, block.inputs, block.counts, strict=True):
             if last_ns is None or t_ns - last_ns > _LATE_NS:
                 last_ns = max(last_ns or 0, t_ns - count * self._period_ns)
+            run, last = run + 1 if imu == last else 1, imu
             if t_ns > last_ns:
-                stretches.append(Stretch(last_ns, t_ns, imu))
+                is_repeated = self._can_repeat and run >= REPEATED
+                stretches.append(Stretch(last_ns, t_ns, None if is_repeated else imu))
                 last_ns = t_ns
+        block.run = run if self._can_repeat else 0
         return stretches
 
     def _coarse(self, before: _Block, block: _Block) -> Stretch | None:

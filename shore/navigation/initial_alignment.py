@@ -17,6 +17,9 @@ TURN_KNOWN_DEG_S: Final = 0.3
 ACCEL_KNOWN_M_S2: Final = 0.1
 """1-sigma of an accelerometer's bias from which on it counts as settled: 5 m in ten seconds without GPS."""
 
+SILENT_AFTER_S: Final = 3.0
+"""The biases of an inertial unit that has been silent for this time are not waited for."""
+
 Waiting = tuple[str, ...]
 """What is not known yet, in words for people; empty = the estimate is valid."""
 
@@ -36,9 +39,11 @@ class Alignment:
 
     def waiting(self, state: FilterState) -> Waiting:
         """What the estimate of a started filter still lacks."""
-        self._is_settled = self._is_settled or _biases_are_settled(state)
+        is_measured = state.trust is None or not state.trust.is_provisional
+        is_settled = self._is_settled or _biases_are_settled(state)
+        self._is_settled = is_measured and is_settled
         is_known = math.sqrt(state.P[HEADING, HEADING]) < math.radians(HEADING_KNOWN_DEG)
-        stages = (is_known, "heading"), (self._is_settled, "IMU biases")
+        stages = (is_measured, "noise of the sensors"), (is_known, "heading"), (is_settled, "IMU biases")
         return tuple(words for is_passed, words in stages if not is_passed)
 
     def begin_again(self) -> None:
@@ -50,6 +55,13 @@ def _biases_are_settled(state: FilterState) -> bool:
     """The doubt of what the biases add up to at this speed: at a steady one bias and tilt leak look the same."""
     space, x, P = state.space, state.x, state.P
     gyro, fwd, stb, leak = space.places[:4]
+    if state.trust is not None:  # what is set aside is not waited for
+        axes, turns = state.trust.axes, state.trust.turns
+        if state.trust.way.blind_s > SILENT_AFTER_S:
+            return True
+        fwd, leak = (None, None) if axes[0].is_off else (fwd, leak)
+        stb = None if axes[1].is_off else stb
+        gyro = None if turns.gyro_wrong_since_ns is not None else gyro
     weights = ((fwd, 1.0), (leak, float(lift_of(space, x))))
     forward = {place: weight for place, weight in weights if place is not None}
     fwd_variance = sum(a * b * float(P[i, j]) for i, a in forward.items() for j, b in forward.items())

@@ -1,5 +1,6 @@
 """Initialisation: the first state of a filter, x and P, from the first position and heading."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -8,9 +9,11 @@ import numpy as np
 from common.units import NS_PER_S
 from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.motion_model import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
-from shore.navigation.numbers import Array, Number
+from shore.navigation.numbers import Array, Number, sin_cos
 from shore.navigation.sensor_facts import FilterFacts
 
+UNKNOWN_HEADING_RAD: Final = math.pi / math.sqrt(3.0)
+"""1-sigma of a heading of which nothing is known: all directions are alike."""
 UNKNOWN_SPEED_M_S: Final = 1.0
 """1-sigma of each velocity when the receiver gives none: together 1.4 m/s, the hull speed of a boat of 1.2 m."""
 KNOWN_SPEED_M_S: Final = 0.5
@@ -18,30 +21,35 @@ KNOWN_SPEED_M_S: Final = 0.5
 
 
 def first_state(
-    t_ns: int, position: Position, heading: FirstHeading, facts: FilterFacts, shown: ImuInput | None = None
+    t_ns: int, position: Position, heading: FirstHeading | None, facts: FilterFacts, shown: ImuInput | None = None
 ) -> tuple[Array, Array, dict[int, str]]:
     """State (n,) and covariance (n, n) at `t_ns`, not before either measurement, and what was read from which channel.
 
     Extra states begin at their priors. The place is that of the boat's reference point: what the antenna's lever makes
     of an error of the heading is in P. The older of the two is carried forward: the position with its velocity, the
-    heading as a random walk. `shown`: mean of the IMU just before; all of its acceleration may be bias, so the doubt of
-    the biases is widened by it. A unit that is mounted 10 deg off level is then found instead of believed.
+    heading as a random walk. Without a heading nothing is known of it. `shown`: mean of the IMU just before; all of
+    its acceleration may be bias, so the doubt of the biases is widened by it. A unit that is mounted 10 deg off level
+    is then found instead of believed.
     """
     age_s = (t_ns - position.t_ns) / NS_PER_S
-    v_east, v_north = position.velocity_m_s or (0.0, 0.0)
-    speed_sigma = KNOWN_SPEED_M_S if position.velocity_m_s else UNKNOWN_SPEED_M_S
+    velocity = position.velocity_m_s if position.is_moving else None
+    v_east, v_north = velocity or (0.0, 0.0)
+    speed_sigma = KNOWN_SPEED_M_S if velocity else UNKNOWN_SPEED_M_S
     place = (position.east_m + v_east * age_s, position.north_m + v_north * age_s)
     drift = (speed_sigma * age_s) ** 2
-    heading_age_s = (t_ns - heading.t_ns) / NS_PER_S
+    psi, heading_variance = (0.0, UNKNOWN_HEADING_RAD**2) if heading is None else _heading_of(t_ns, heading, facts)
     base_variances = (
         facts.channels[f"{position.sensor}.east"].initial_variance + drift,
         facts.channels[f"{position.sensor}.north"].initial_variance + drift,
         speed_sigma**2,
         speed_sigma**2,
-        facts.channels[heading.channel].initial_variance + float(FREE_NOISE.yaw_rate) ** 2 * heading_age_s,
+        heading_variance,
     )
-    read_from = {EAST: f"{position.sensor}.east", NORTH: f"{position.sensor}.north", HEADING: heading.channel}
-    x, P = first_of(facts, (*place, v_east, v_north, heading.heading_rad), base_variances)
+    read_from = {EAST: f"{position.sensor}.east", NORTH: f"{position.sensor}.north"}
+    if heading is not None:
+        read_from[HEADING] = heading.channel
+    compass = heading.sensor if heading is not None else ""
+    x, P = first_of(facts, (*place, v_east, v_north, psi), base_variances, gps=position.sensor, compass=compass)
     if lever := facts.levers.get(position.sensor):
         x, P = _from_antenna(x, P, lever)
     if shown is not None:
@@ -51,15 +59,38 @@ def first_state(
     return x, P, read_from
 
 
-def first_of(facts: FilterFacts, base: Sequence[Number], base_variances: Sequence[float]) -> tuple[Array, Array]:
-    """State (n,) and covariance (n, n): the thesis' five as given, the extra states at their priors."""
-    extras = facts.space.extras
-    x = np.array([*base, *[0.0] * len(extras)])
-    P = np.diag(np.array([*base_variances, *(extra.sigma**2 for extra in extras)]))
-    bias = facts.space.index("compass_bias_rad")
-    if bias is not None:  # what the compass showed is heading + bias
-        P[HEADING, HEADING] += P[bias, bias]
-        P[HEADING, bias] = P[bias, HEADING] = -P[bias, bias]
+def _heading_of(t_ns: int, heading: FirstHeading, facts: FilterFacts) -> tuple[Number, float]:
+    """The first heading and its variance at `t_ns`: since it was measured it is a random walk."""
+    age_s = (t_ns - heading.t_ns) / NS_PER_S
+    return heading.heading_rad, facts.channels[heading.channel].initial_variance + float(
+        FREE_NOISE.yaw_rate
+    ) ** 2 * age_s
+
+
+def first_of(
+    facts: FilterFacts, base: Sequence[Number], base_variances: Sequence[float], *, gps: str = "", compass: str = ""
+) -> tuple[Array, Array]:
+    """State (n,) and covariance (n, n): the thesis' five as given, the extra states at their priors.
+
+    gps, compass: sensors that the place and the heading were read from; they are wrong together with the errors of
+    these sensors that are states.
+    """
+    space = facts.space
+    x = np.array([*base, *[0.0] * len(space.extras)])
+    P = np.diag(np.array([*base_variances, *(extra.sigma**2 for extra in space.extras)]))
+    sin, cos = sin_cos(base[HEADING])
+    shown = (
+        (EAST, f"{gps}_error_east_m", 1.0),
+        (NORTH, f"{gps}_error_north_m", 1.0),
+        (HEADING, f"{compass}_bias_rad", 1.0),
+        (HEADING, f"{compass}_sin_rad", sin),
+        (HEADING, f"{compass}_cos_rad", cos),
+    )
+    for place, name, slope in shown:  # what was shown is state + slope x error
+        error = space.index(name)
+        if error is not None:
+            P[place, place] += slope * slope * P[error, error]
+            P[place, error] = P[error, place] = -slope * P[error, error]
     return x, P
 
 

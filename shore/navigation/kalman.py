@@ -4,7 +4,7 @@ Letters: x state (..., n), P its covariance (..., n, n), F transition, Q process
 measured number, h its observation row, K gain. All functions return new arrays and leave their inputs alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from shore.navigation.motion_model import (
     HEADING,
     V_NORTH,
     Gaussian,
-    ImuInput,
+    Input,
     ProcessNoise,
     jacobian,
     middle_heading,
@@ -49,7 +49,7 @@ def symmetric(P: Array) -> Array:
     return 0.5 * (P + P.swapaxes(-1, -2))
 
 
-def predict_linear(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+def predict_linear(before: Gaussian, dt_s: float, imu: Input | None, noise: ProcessNoise) -> Predicted:
     """The thesis' Kalman filter, Eqs 4.12-4.13: the heading that rotates the acceleration is taken as exact."""
     space = before.space
     F = jacobian(space, before.x, dt_s, imu)
@@ -59,12 +59,12 @@ def predict_linear(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: P
     return _predicted(before, F, dt_s, imu, noise)
 
 
-def predict_extended(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+def predict_extended(before: Gaussian, dt_s: float, imu: Input | None, noise: ProcessNoise) -> Predicted:
     """The extended Kalman filter: F is the derivative of the motion model at the estimate."""
     return _predicted(before, jacobian(before.space, before.x, dt_s, imu), dt_s, imu, noise)
 
 
-def _predicted(before: Gaussian, F: Array, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+def _predicted(before: Gaussian, F: Array, dt_s: float, imu: Input | None, noise: ProcessNoise) -> Predicted:
     space, x, P = before
     moved = move(space, x, dt_s, imu)
     Q = process_noise(space, middle_heading(x, moved), dt_s, noise)
@@ -106,17 +106,26 @@ def _along_row(Ph: Array, row: Row) -> Number:
 
 
 def update_scalar(
-    before: Gaussian, row: Row, innovation: Number, R: Number, spread: Number = 0.0
+    before: Gaussian,
+    row: Row,
+    innovation: Number,
+    R: Number,
+    spread: Number = 0.0,
+    *,
+    considered: Sequence[int] = (),
 ) -> tuple[Array, Array]:
     """Return x and P after measuring the number h x with variance `R`.
 
     `innovation` = measured - h x, wrapped if an angle. Joseph's form (I - K h) P (I - K h)^T + K R K^T (Eqs 4.14-4.17):
     stays positive definite for any R > 0. `spread` adds spread (P h)(P h)^T: the scatter of a bank's gains about their
-    mean.
+    mean. `considered`: places of states whose doubt counts and which are not estimated (S. F. Schmidt, 1966): their
+    gain is 0, and Joseph's form holds for any gain.
     """
     space, x, P = before
     Ph = times_row(P, row)
     K = Ph / column(_along_row(Ph, row) + R)
+    for place in considered:
+        K[..., place] = 0.0
     left = P - K[..., :, np.newaxis] * Ph[..., np.newaxis, :]
     gained = column(R) * K - times_row(left, row)
     updated = left + gained[..., :, np.newaxis] * K[..., np.newaxis, :]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final, NamedTuple, Protocol
 
 from common.angles import heading_rad
-from common.boat_config import BoatConfig
+from common.boat_config import BoatConfig, SensorTable
 from common.events import event
 from common.geodesy import LocalPlane
 from common.messages import Event, Fix, Frame, Heading
@@ -17,12 +17,15 @@ from common.units import M_S_PER_KN
 from shore.navigation.kalman import Row
 from shore.navigation.magnetic_variation import Variation
 from shore.navigation.motion_model import EAST, HEADING, NORTH, StateSpace, body_to_plane
-from shore.navigation.numbers import Array, Number, part, wrapped
+from shore.navigation.numbers import Array, Number, part, sin_cos, wrapped
 
 FARTHEST_M: Final = 20_000.0
 """A fix beyond this distance from the origin is not used."""
 COURSE_FROM_KN: Final = 1.0
 """SOG and COG of a fix give the velocity from this speed on."""
+STILL_KN: Final = 0.3
+"""Below this SOG a fix without COG says that the boat lies still."""
+LEAST_HDOP: Final = 0.8
 COURSE_AS_HEADING_FROM_KN: Final = 2.0
 """Without a compass, COG stands for the heading from this speed on."""
 
@@ -117,9 +120,18 @@ class Position(NamedTuple):
     east_m: Number
     north_m: Number
     velocity_m_s: tuple[float, float] | None = None
-    """Velocity over ground (east, north), m/s, from SOG and COG when moving."""
+    """Velocity over ground (east, north), m/s, from SOG and COG; poor below `COURSE_FROM_KN`."""
     course_rad: float | None = None
     """Course over ground, rad, when it may stand for a heading."""
+    claimed_m: tuple[float, float] | None = None
+    """1-sigma (east, north) that the receiver claims in all, m; `None` = nothing is claimed."""
+    quality: int | None = None
+    """Quality of the fix in the numbers of GGA."""
+
+    @property
+    def is_moving(self) -> bool:
+        """Its velocity is fast enough to be one."""
+        return self.velocity_m_s is not None and math.hypot(*self.velocity_m_s) >= COURSE_FROM_KN * M_S_PER_KN
 
     @property
     def rank(self) -> int:
@@ -135,9 +147,12 @@ class Position(NamedTuple):
         """A filter starts at the newest fix."""
         return seeds._replace(position=self)
 
-    def _east(self, _space: StateSpace, x: Array, lever: Lever | None) -> Scalar:
+    def _east(self, space: StateSpace, x: Array, lever: Lever | None) -> Scalar:
         row: Row = ((EAST, 1.0),)
         expected = part(x, EAST)
+        if (error := space.index(f"{self.sensor}_error_east_m")) is not None:
+            row = (*row, (error, 1.0))
+            expected = expected + part(x, error)
         if lever:
             east_m, north_m = body_to_plane(*lever, part(x, HEADING))
             expected = expected + east_m
@@ -145,9 +160,12 @@ class Position(NamedTuple):
             row = (*row, (HEADING, north_m))
         return Scalar(row, self.east_m - expected, f"{self.sensor}.east", self.east_m)
 
-    def _north(self, _space: StateSpace, x: Array, lever: Lever | None) -> Scalar:
+    def _north(self, space: StateSpace, x: Array, lever: Lever | None) -> Scalar:
         row: Row = ((NORTH, 1.0),)
         expected = part(x, NORTH)
+        if (error := space.index(f"{self.sensor}_error_north_m")) is not None:
+            row = (*row, (error, 1.0))
+            expected = expected + part(x, error)
         if lever:
             east_m, north_m = body_to_plane(*lever, part(x, HEADING))
             expected = expected + north_m
@@ -174,7 +192,7 @@ class TrueHeading(NamedTuple):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """The heading with the compass' bias, where that is a state."""
+        """The heading with the compass' bias and deviation, where those are states."""
         return (self._heading,)
 
     def seed(self, seeds: Seeds) -> Seeds:
@@ -182,11 +200,21 @@ class TrueHeading(NamedTuple):
         return seeds._replace(heading=self)
 
     def _heading(self, space: StateSpace, x: Array, _lever: Lever | None) -> Scalar:
-        row: Row = ((HEADING, 1.0),)
-        expected = part(x, HEADING)
-        if (bias := space.index("compass_bias_rad")) is not None:
-            row = (*row, (bias, 1.0))
+        slope: Number = 1.0
+        errors: Row = ()
+        heading = part(x, HEADING)
+        expected = heading
+        if (bias := space.index(f"{self.sensor}_bias_rad")) is not None:
+            errors = ((bias, 1.0),)
             expected = expected + part(x, bias)
+        by_sin, by_cos = space.index(f"{self.sensor}_sin_rad"), space.index(f"{self.sensor}_cos_rad")
+        if by_sin is not None and by_cos is not None:
+            sin, cos = sin_cos(heading)
+            B, C = part(x, by_sin), part(x, by_cos)
+            errors = (*errors, (by_sin, sin), (by_cos, cos))
+            expected = expected + B * sin + C * cos
+            slope = 1.0 + B * cos - C * sin
+        row: Row = ((HEADING, slope), *errors)
         return Scalar(row, wrapped(self.heading_rad - expected), self.channel, self.heading_rad)
 
 
@@ -274,7 +302,8 @@ class Reader:
         if self._is_newest:
             self._model.see(fix.lat_deg, fix.lon_deg, self._utc_ns)
         velocity, course = _motion(fix)
-        return Position(fix.t_ns, fix.sensor, east_m, north_m, velocity, course)
+        claimed = claimed_m(fix, self._sensors[fix.sensor])
+        return Position(fix.t_ns, fix.sensor, east_m, north_m, velocity, course, claimed, fix.fix_quality)
 
     def true_heading(self, heading: Heading) -> TrueHeading | None:
         """The true heading: as sent, or magnetic + deviation + variation, both east +.
@@ -317,12 +346,26 @@ class Reader:
         return True
 
 
+def claimed_m(fix: Fix, sensor: SensorTable) -> tuple[float, float]:
+    """1-sigma (east, north) of a fix, m: what the receiver says (GST), else by its quality times HDOP.
+
+    An HDOP below 0.8 is no promise: receivers that count every satellite they see state 0.5.
+    """
+    if fix.sigma_east_m is not None and fix.sigma_north_m is not None:
+        return fix.sigma_east_m, fix.sigma_north_m
+    by_quality = {2: sensor.sigma_dgps_m, 4: sensor.sigma_rtk_m, 5: sensor.sigma_float_m}
+    usual_m = sensor.sigma_m if fix.fix_quality is None else by_quality.get(fix.fix_quality) or sensor.sigma_m
+    sigma_m = usual_m * (1.0 if fix.hdop is None else max(fix.hdop, LEAST_HDOP))
+    return sigma_m, sigma_m
+
+
 def _motion(fix: Fix) -> tuple[tuple[float, float] | None, float | None]:
-    """Velocity (east, north) in m/s and course in rad, each `None` where the speed is too low for it."""
-    if fix.sog_kn is None or fix.cog_true_deg is None or not math.isfinite(fix.sog_kn + fix.cog_true_deg):
+    """Velocity (east, north) in m/s, and course in rad where the speed is high enough for one."""
+    if fix.sog_kn is None or not math.isfinite(fix.sog_kn):
         return None, None
-    if fix.sog_kn < COURSE_FROM_KN:
-        return None, None
+    if fix.cog_true_deg is None or not math.isfinite(fix.cog_true_deg):
+        # a receiver at rest leaves the course out
+        return ((0.0, 0.0), None) if fix.sog_kn < STILL_KN else (None, None)
     course, speed = heading_rad(fix.cog_true_deg), fix.sog_kn * M_S_PER_KN
     velocity = speed * math.sin(course), speed * math.cos(course)
     return velocity, course if fix.sog_kn >= COURSE_AS_HEADING_FROM_KN else None

@@ -8,6 +8,7 @@ Letters: x state, P covariance of the state, F transition, Q covariance of the p
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, NamedTuple
@@ -27,13 +28,19 @@ EXTRA_NAMES: Final = (
     "accel_bias_fwd_m_s2",
     "accel_bias_stb_m_s2",
     "tilt_leak_per_m",
+    "heel_leak",
     "current_east_m_s",
     "current_north_m_s",
-    "compass_bias_rad",
     "way_m_s",
 )
-"""Biases are what the sensor shows too much, and so is the tilt leak (`tilt_leak.py`). The current is where the water
+"""Biases are what the sensor shows too much, and so is the tilt leak (`tilt_leak.py`). The heel leak is how
+much of gravity the starboard axis shows in a turn, over speed ahead x yaw rate: a hull that heels outward by 0.15 rad
+for each m/s^2 of that shows 0.15 g. The current is where the water
 flows to; the way is the speed through the water that the thrust keeps up."""
+
+ERROR_NAMES: Final = ("{}_error_east_m", "{}_error_north_m", "{}_bias_rad", "{}_sin_rad", "{}_cos_rad")
+"""States of one sensor ({} = its id), which the motion does not know: the lasting error of a receiver's fixes; a
+compass shows too much by bias + sin coefficient x sin(heading) + cos coefficient x cos(heading)."""
 
 FREE_ACCEL_DENSITY: Final = math.sqrt(0.2)
 """Noise density of an axis without IMU, m/s^2/sqrt(Hz): constant velocity disturbed by 0.2 m^2/s^3."""
@@ -50,28 +57,30 @@ class Extra(NamedTuple):
     """A state beyond the thesis' five."""
 
     name: str
-    """Name of the state, one of `EXTRA_NAMES`."""
+    """Name of the state, one of `EXTRA_NAMES`, or of `ERROR_NAMES` with the id of a sensor."""
     sigma: float
     """1-sigma of the state's prior, whose mean is 0."""
     walk: float = 0.0
     """Density of its random walk, unit / sqrt(s)."""
     limit: float = math.inf
     """Largest magnitude of the state, which is kept within it."""
+    lasts_s: float = math.inf
+    """Time constant of a Gauss-Markov process (coloured noise), s: the state fades, and sigma is renewed; inf = no."""
 
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Which states a filter has, in the order of `EXTRA_NAMES`; a prior sigma of 0 = known, no such state."""
+    """Which states a filter has: the five, `EXTRA_NAMES` in order, those of sensors; a prior of 0 = no such state."""
 
     extras: tuple[Extra, ...] = ()
     names: tuple[str, ...] = field(init=False)
     """Names of all n states in the order of x."""
 
     def __post_init__(self) -> None:
-        unknown = [extra.name for extra in self.extras if extra.name not in EXTRA_NAMES]
+        unknown = [extra.name for extra in self.extras if extra.name not in EXTRA_NAMES and not _is_error(extra.name)]
         if unknown:
             raise ValueError(f"no such state: {', '.join(unknown)}")
-        used = sorted((extra for extra in self.extras if extra.sigma > 0.0), key=lambda e: EXTRA_NAMES.index(e.name))
+        used = sorted((extra for extra in self.extras if extra.sigma > 0.0), key=_rank)
         object.__setattr__(self, "extras", tuple(used))
         object.__setattr__(self, "names", (*BASE_NAMES, *(extra.name for extra in used)))
 
@@ -90,14 +99,31 @@ class StateSpace:
         return tuple(self.index(name) for name in EXTRA_NAMES)
 
     @cached_property
-    def walk_variances(self) -> Array:
-        """Variance that each state's own random walk gains in a second, (n,)."""
-        return np.array([0.0] * len(BASE_NAMES) + [extra.walk**2 for extra in self.extras])
+    def driving(self) -> int:
+        """How many states, the first ones, the motion depends on; the others only fade and wander."""
+        own, currents = self.places[:5], self.places[5:7]
+        leaks = own[3:] != (None, None)
+        places: list[int] = [place for place in (HEADING, *own, *(currents if leaks else ())) if place is not None]
+        return max(places) + 1
 
     @cached_property
-    def walks(self) -> tuple[tuple[int, float], ...]:
-        """(place, variance gained in a second) of the states that walk by themselves."""
-        return tuple((place, variance) for place, variance in enumerate(self.walk_variances.tolist()) if variance)
+    def fading(self) -> Array | None:
+        """Rate at which each state fades, 1/s, (n,); `None` = none of them does."""
+        rates = np.array([0.0] * len(BASE_NAMES) + [1.0 / extra.lasts_s for extra in self.extras])
+        return rates if rates.any() else None
+
+    @cached_property
+    def walks(self) -> tuple[tuple[int, Extra], ...]:
+        """The states that wander by themselves, and their places."""
+        wander = ((place, extra) for place, extra in enumerate(self.extras, len(BASE_NAMES)))
+        return tuple((place, extra) for place, extra in wander if extra.walk or math.isfinite(extra.lasts_s))
+
+    def kept(self, dt_s: float) -> Array | None:
+        """Share of each state that is left after `dt_s`, (n,); `None` = all of each."""
+        if self.fading is None:
+            return None
+        shares: Array = np.exp(-dt_s * self.fading)
+        return shares
 
     @cached_property
     def noise_entries(self) -> npt.NDArray[np.intp]:
@@ -115,6 +141,14 @@ class StateSpace:
         """(place, magnitude) of the bounded states."""
         bounded = ((len(BASE_NAMES) + i, extra.limit) for i, extra in enumerate(self.extras))
         return tuple(item for item in bounded if math.isfinite(item[1]))
+
+
+def _is_error(name: str) -> bool:
+    return any(name.endswith(each.removeprefix("{}")) for each in ERROR_NAMES)
+
+
+def _rank(extra: Extra) -> int:
+    return EXTRA_NAMES.index(extra.name) if extra.name in EXTRA_NAMES else len(EXTRA_NAMES)
 
 
 FIVE: Final = StateSpace()
@@ -139,12 +173,26 @@ class ImuInput(NamedTuple):
     yaw_rate_rad_s: Number
 
 
+class InUse(NamedTuple):
+    """The same of the axes that are in use; `None` = set aside: the axis is taken for 0, and so is its bias."""
+
+    accel_fwd_m_s2: Number | None
+    accel_stb_m_s2: Number | None
+    yaw_rate_rad_s: Number | None
+
+
+Input = ImuInput | InUse
+"""What may drive a step."""
+
+
 class ProcessNoise(NamedTuple):
     """White-noise densities of the inputs: m/s^2/sqrt(Hz) forward and starboard, rad/s/sqrt(Hz) about the vertical."""
 
     accel_fwd: Number
     accel_stb: Number
     yaw_rate: Number
+    lasting: Mapping[int, float] | None = None
+    """Variance that a Gauss-Markov state tends to, by its place, where it is not that of its prior."""
 
 
 FREE_NOISE: Final = ProcessNoise(FREE_ACCEL_DENSITY, FREE_ACCEL_DENSITY, math.radians(FREE_TURN_DENSITY_DEG))
@@ -175,25 +223,28 @@ class _Drive(NamedTuple):
     stb: Number
     """Acceleration to starboard, biases removed, m/s^2."""
     along: Number
-    """Speed through the water along the bow, m/s; 0 without tilt leak."""
+    """Speed through the water along the bow, m/s; 0 without tilt and heel leak."""
     lift: Number
     """L of the tilt leak, m^2/s^2; 0 without it."""
 
 
-def _drive(space: StateSpace, parts: Components, dt_s: float, imu: ImuInput) -> _Drive:
+def _drive(space: StateSpace, parts: Components, dt_s: float, imu: Input) -> _Drive:
     """A = measured - bias - c L (forward), w = measured - bias."""
-    gyro, fwd_bias, stb_bias, leak = space.places[:4]
-    fwd, stb, yaw_rate = imu
+    gyro, fwd_bias, stb_bias, leak, heel = _biases(space, imu)
+    fwd, stb, yaw_rate = (0.0 if axis is None else axis for axis in imu)
     if gyro is not None:
         yaw_rate = yaw_rate - parts[gyro]
     turn = yaw_rate * dt_s
     sin, cos = sin_cos(parts[HEADING] + 0.5 * turn)
     along: Number = 0.0
     lift: Number = 0.0
-    if leak is not None:
+    if leak is not None or heel is not None:
         along = _along(space, parts, sin, cos)
+    if leak is not None:
         lift = tilt_leak.lift(along)
         fwd = fwd - parts[leak] * lift
+    if heel is not None:
+        stb = stb - parts[heel] * along * yaw_rate
     if fwd_bias is not None:
         fwd = fwd - parts[fwd_bias]
     if stb_bias is not None:
@@ -201,10 +252,17 @@ def _drive(space: StateSpace, parts: Components, dt_s: float, imu: ImuInput) -> 
     return _Drive(sin, cos, turn, fwd, stb, along, lift)
 
 
+def _biases(space: StateSpace, imu: Input) -> tuple[int | None, ...]:
+    """Places of what is taken off the axes in use: gyro, forward and starboard bias, tilt leak, heel leak."""
+    has_fwd, has_stb, has_yaw = (axis is not None for axis in imu)
+    used = has_yaw, has_fwd, has_stb, has_fwd, has_stb and has_yaw
+    return tuple(place if is_used else None for place, is_used in zip(space.places[:5], used, strict=True))
+
+
 def _along(space: StateSpace, parts: Components, sin: Number, cos: Number) -> Number:
     """Speed through the water along a bow of this sine and cosine of its heading, m/s."""
     v_east, v_north = parts[V_EAST], parts[V_NORTH]
-    current_east, current_north = space.places[4:6]
+    current_east, current_north = space.places[5:7]
     if current_east is not None and current_north is not None:
         v_east, v_north = v_east - parts[current_east], v_north - parts[current_north]
     return v_east * sin + v_north * cos
@@ -227,7 +285,7 @@ def through_water(space: StateSpace, x: Array) -> tuple[Sloped, Sloped]:
     v_east, v_north = part(x, V_EAST), part(x, V_NORTH)
     ahead: dict[int, Number] = {V_EAST: sin, V_NORTH: cos}
     starboard: dict[int, Number] = {V_EAST: cos, V_NORTH: -sin}
-    current_east, current_north = space.places[4:6]
+    current_east, current_north = space.places[5:7]
     if current_east is not None and current_north is not None:
         v_east, v_north = v_east - part(x, current_east), v_north - part(x, current_north)
         ahead |= {current_east: -sin, current_north: -cos}
@@ -243,11 +301,20 @@ def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
     if leak is None:
         return noise
     trim = tilt_leak.trim_density(space.extras[leak - len(BASE_NAMES)].sigma, lift_of(space, x))
-    return ProcessNoise(hypot(noise.accel_fwd, trim), noise.accel_stb, noise.yaw_rate)
+    return noise._replace(accel_fwd=hypot(noise.accel_fwd, trim))
 
 
-def move(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Array:
-    """States (..., n) after `dt_s`: Eqs 4.22-4.24 with T^2/2 and the acceleration resolved at the middle heading.
+def move(space: StateSpace, x: Array, dt_s: float, imu: Input | None) -> Array:
+    """States (..., n) after `dt_s`: they are steered, and the errors of sensors fade."""
+    steered = steer(space, x, dt_s, imu)
+    kept = space.kept(dt_s)
+    return steered if kept is None else steered * kept
+
+
+def steer(space: StateSpace, x: Array, dt_s: float, imu: Input | None) -> Array:
+    """The motion: Eqs 4.22-4.24 with T^2/2 and the acceleration resolved at the middle heading.
+
+    x: states (..., n), or their first `driving` components. States that drive nothing stay as they are.
 
     `None` = nothing measured: constant velocity and heading, whatever the biases. `imu` may hold one number for each
     run where x is (runs, n) or (runs, points, n). The heading is not wrapped: the spread of sigma points must survive.
@@ -268,36 +335,43 @@ def move(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Arra
     return moved.T.copy()
 
 
-def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> Array:
+def jacobian(space: StateSpace, x: Array, dt_s: float, imu: Input | None) -> Array:
     """F, shape (..., n, n): derivative of `move` at states (..., n)."""
     F = np.zeros((*x.shape, space.size))
-    F[..., range(space.size), range(space.size)] = 1.0
+    kept = space.kept(dt_s)
+    F[..., range(space.size), range(space.size)] = 1.0 if kept is None else kept
     F[..., EAST, V_EAST] = F[..., NORTH, V_NORTH] = dt_s
     if imu is None:
         return F
-    gyro, fwd_bias, stb_bias, leak, current_east, current_north = space.places[:6]
+    gyro, fwd_bias, stb_bias, leak, heel = _biases(space, imu)
     drive = _drive(space, components(x), dt_s, imu)
     sin, cos = drive.sin, drive.cos
     a_east, a_north = sin * drive.fwd + cos * drive.stb, cos * drive.fwd - sin * drive.stb
     slope_east: dict[int, Any] = {HEADING: a_north}
     slope_north: dict[int, Any] = {HEADING: -a_east}
-    if leak is not None:
-        # d fwd: by the leak itself, by the velocity along the bow, by the heading that resolves it
-        v_east, v_north = x[..., V_EAST], x[..., V_NORTH]
-        terms: dict[int, Any] = {leak: -drive.lift}
-        by_speed = tilt_leak.accel_by_speed(x[..., leak], drive.along, drive.lift)
-        terms[V_EAST], terms[V_NORTH] = by_speed * sin, by_speed * cos
-        if current_east is not None and current_north is not None:
-            terms[current_east], terms[current_north] = -terms[V_EAST], -terms[V_NORTH]
-            v_east, v_north = v_east - x[..., current_east], v_north - x[..., current_north]
-        terms[HEADING] = by_speed * (v_east * cos - v_north * sin)
-        for place, term in terms.items():
-            slope_east[place] = sin * term + slope_east.get(place, 0.0)
-            slope_north[place] = cos * term + slope_north.get(place, 0.0)
+    yaw_rate = drive.turn / dt_s
+    for place, itself, by_speed, east, north in (
+        (
+            leak,
+            -drive.lift,
+            tilt_leak.accel_by_speed(x[..., leak], drive.along, drive.lift) if leak is not None else 0.0,
+            sin,
+            cos,
+        ),
+        (heel, -drive.along * yaw_rate, -x[..., heel] * yaw_rate if heel is not None else 0.0, cos, -sin),
+    ):
+        if place is not None:
+            terms = {place: itself} | _by_speed_ahead(space, x, drive, by_speed)
+            for each, term in terms.items():
+                slope_east[each] = slope_east.get(each, 0.0) + east * term
+                slope_north[each] = slope_north.get(each, 0.0) + north * term
     if gyro is not None:
         F[..., HEADING, gyro] = -dt_s
         slope_east[gyro] = -0.5 * dt_s * slope_east[HEADING]
         slope_north[gyro] = -0.5 * dt_s * slope_north[HEADING]
+        if heel is not None:
+            slope_east[gyro] = slope_east[gyro] + cos * x[..., heel] * drive.along
+            slope_north[gyro] = slope_north[gyro] - sin * x[..., heel] * drive.along
     if fwd_bias is not None:
         slope_east[fwd_bias], slope_north[fwd_bias] = -sin, -cos
     if stb_bias is not None:
@@ -307,6 +381,18 @@ def jacobian(space: StateSpace, x: Array, dt_s: float, imu: ImuInput | None) -> 
             F[..., position, place] += 0.5 * dt_s * dt_s * steepness
             F[..., velocity, place] += dt_s * steepness
     return F
+
+
+def _by_speed_ahead(space: StateSpace, x: Array, drive: _Drive, by_speed: Any) -> dict[int, Any]:
+    """Slopes of a body axis that changes with the speed ahead by `by_speed`: by velocity, current and heading."""
+    current_east, current_north = space.places[5:7]
+    v_east, v_north = x[..., V_EAST], x[..., V_NORTH]
+    terms = {V_EAST: by_speed * drive.sin, V_NORTH: by_speed * drive.cos}
+    if current_east is not None and current_north is not None:
+        terms |= {current_east: -terms[V_EAST], current_north: -terms[V_NORTH]}
+        v_east, v_north = v_east - x[..., current_east], v_north - x[..., current_north]
+    terms[HEADING] = by_speed * (v_east * drive.cos - v_north * drive.sin)
+    return terms
 
 
 def process_noise(space: StateSpace, heading_rad: Number, dt_s: float, noise: ProcessNoise) -> Array:
@@ -325,11 +411,19 @@ def process_noise(space: StateSpace, heading_rad: Number, dt_s: float, noise: Pr
         of_both * east, of_both * north, of_both * both,
         of_velocities * east, of_velocities * north, of_velocities * both,
         noise.yaw_rate**2 * dt_s,
-        *(variance * dt_s for _, variance in space.walks),
+        *(_gained(extra, dt_s, noise.lasting, place) for place, extra in space.walks),
     ]  # fmt: skip
     if isinstance(east, np.ndarray):
         return np.stack(np.broadcast_arrays(*entries), axis=-1).take(space.noise_entries, axis=-1)
     return np.array(entries).take(space.noise_entries)
+
+
+def _gained(extra: Extra, dt_s: float, lasting: Mapping[int, float] | None, place: int) -> float:
+    """Variance that a state gains by itself over a step."""
+    if math.isinf(extra.lasts_s):
+        return extra.walk**2 * dt_s
+    variance = extra.sigma**2 if lasting is None else lasting.get(place, extra.sigma**2)
+    return -variance * math.expm1(-2.0 * dt_s / extra.lasts_s)
 
 
 def middle_heading(before: Array, after: Array) -> Number:

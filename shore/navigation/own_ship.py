@@ -12,6 +12,7 @@ from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filter_bank import Bank, Moment
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.fixed_steps import Synchronous
+from shore.navigation.imu_track import driving_sensor
 from shore.navigation.initial_alignment import Alignment, before_start
 from shore.navigation.intake import FAR_FIXES, Intake
 from shore.navigation.judge import Judge
@@ -20,6 +21,7 @@ from shore.navigation.notices import Notices
 from shore.navigation.sensor_facts import facts_of
 from shore.navigation.start_events import StartEvents
 from shore.navigation.timeline import AHEAD_S, HORIZON_S, Timeline
+from shore.navigation.trust_events import TrustEvents
 
 
 class Estimated(NamedTuple):
@@ -47,12 +49,14 @@ class OwnShip:
         self._names = tuple(names)
         self._alignments = {name: Alignment() for name in names}
         filters = [build_filter(name, facts, judge=judge) for name in names]
-        self._bank = Bank(filters, facts, has_compass=bool(config.with_role("compass")))
+        self._bank = Bank(filters, has_compass=bool(config.with_role("compass")))
         self._feeder: Timeline | Synchronous = (
             Timeline(self._bank, self._intake.imu)
             if step_s is None
             else Synchronous(self._bank, self._intake.imu, step_s)
         )
+        driver = driving_sensor(config)
+        self._trust_events = TrustEvents(self.notices, self._intake.imu, driver.id if driver else "")
         self._start_events = StartEvents(self.notices, has_compass=self._bank.has_compass)
         self._first_ns: int | None = None
         self._newest_ns = 0
@@ -76,6 +80,8 @@ class OwnShip:
         estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
         waiting = self._waiting(moments[-1], estimates) if moments else None
         self._start_events.take(moments, estimates, waiting, first_ns=self._first_ns, newest_ns=self._newest_ns)
+        if moments:
+            self._trust_events.take(moments[-1])
         self._notice_unused()
         return Estimated(tuple(estimates), self.notices.take(), waiting)
 

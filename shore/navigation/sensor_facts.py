@@ -1,8 +1,8 @@
 """Facts of the boat's sensors, from its file to the filters: R0, bias states and their walks, process noise, levers."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -10,10 +10,19 @@ import numpy as np
 from common.boat_config import ROLES, BoatConfig, SensorTable
 from shore.navigation.imu_track import driving_sensor
 from shore.navigation.measurements import Lever
-from shore.navigation.motion_model import FIVE, FREE_NOISE, Extra, ProcessNoise, StateSpace
+from shore.navigation.motion_model import EXTRA_NAMES, FIVE, FREE_NOISE, Extra, ProcessNoise, StateSpace
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.tilt_leak import LARGEST_LEAK_PER_M
+from shore.navigation.trust.memory import Handling
 
+CURRENT_WALK: Final = 0.01
+"""Density of the current's random walk, m/s / sqrt(s): 0.5 m/s in 40 min."""
+WAY_SIGMA_M_S: Final = 2.0
+"""1-sigma of the way before anything is known, m/s."""
+WAY_WALK: Final = 0.1 / math.sqrt(300.0)
+"""Density of the way's random walk, m/s / sqrt(s): wind, thrust."""
+DEVIATION_WALK: Final = math.radians(0.02)
+"""Density of the random walk of a deviation's coefficients, rad / sqrt(s): 1 deg in 40 min."""
 COURSE_SIGMA_DEG: Final = 20.0
 """A course over ground taken as heading (boats without compass): leeway, current and sideways motion of the antenna."""
 
@@ -32,6 +41,15 @@ class FilterFacts:
     """Process noise of a step without IMU."""
     levers: Mapping[str, Lever] = field(default_factory=dict)
     """Lever arm of each sensor; absent = its antenna is at the reference point."""
+    boat: Handling | None = None
+    """How a real boat's filter weighs its sensors; `None` = every sensor is what its channel says."""
+
+    @property
+    def plain(self) -> "FilterFacts":
+        """The same for a filter that takes every sensor for what its channel says."""
+        own = (*EXTRA_NAMES[:4],)
+        space = StateSpace(tuple(extra for extra in self.space.extras if extra.name in own))
+        return replace(self, space=space, boat=None)
 
 
 def facts_of(config: BoatConfig) -> FilterFacts:
@@ -46,17 +64,19 @@ def facts_of(config: BoatConfig) -> FilterFacts:
             levers[sensor.id] = (sensor.lever_fwd_m, sensor.lever_stb_m)
     for sensor in config.with_role("compass"):
         channels[f"{sensor.id}.heading"] = Channel(math.radians(sensor.sigma_deg) ** 2, _rate_hz(sensor))
-    if driver := driving_sensor(config):
-        return FilterFacts(channels, _space(driver), _imu_noise(driver), levers=levers)
-    return FilterFacts(channels, levers=levers)
+    driver = driving_sensor(config)
+    extras = (*(_inertial(driver) if driver else ()), *_water(config), *_errors(config))
+    boat = Handling(config.boat.leeway_m_s, levers, driver is not None and "yaw_rate" in driver.use)
+    imu_noise = _imu_noise(driver) if driver else FREE_NOISE
+    return FilterFacts(channels, StateSpace(extras), imu_noise, levers=levers, boat=boat)
 
 
 def _rate_hz(sensor: SensorTable) -> float:
     return sensor.rate_hz or ROLES[sensor.role].nominal_rate_hz
 
 
-def _space(imu: SensorTable) -> StateSpace:
-    """The thesis' states and those of the axes that are used; a prior of 0 = no such state."""
+def _inertial(imu: SensorTable) -> tuple[Extra, ...]:
+    """States of the axes that are used; a prior of 0 = no such state."""
     extras = []
     if "yaw_rate" in imu.use:
         sigma, walk = np.radians([imu.bias_yaw_rate_sigma_deg_s, imu.bias_yaw_rate_walk_deg_s]).tolist()
@@ -66,7 +86,33 @@ def _space(imu: SensorTable) -> StateSpace:
             extras.append(Extra(name, imu.bias_accel_sigma_m_s2, imu.bias_accel_walk_m_s2))
     if "accel_fwd" in imu.use:
         extras.append(Extra("tilt_leak_per_m", imu.tilt_leak_sigma_per_m, limit=LARGEST_LEAK_PER_M))
-    return StateSpace(tuple(extras))
+    if "yaw_rate" in imu.use and "accel_stb" in imu.use:
+        extras.append(Extra("heel_leak", imu.heel_leak_sigma))
+    return tuple(extras)
+
+
+def _water(config: BoatConfig) -> tuple[Extra, ...]:
+    """Current and way, where the boat goes where its bow points."""
+    boat = config.boat
+    if not boat.leeway_m_s or not config.with_role("gps"):
+        return ()
+    return (
+        Extra("current_east_m_s", boat.current_sigma_m_s, CURRENT_WALK),
+        Extra("current_north_m_s", boat.current_sigma_m_s, CURRENT_WALK),
+        Extra("way_m_s", WAY_SIGMA_M_S, WAY_WALK),
+    )
+
+
+def _errors(config: BoatConfig) -> Iterator[Extra]:
+    """What lasts in the error of each receiver and of each compass."""
+    for sensor in config.with_role("gps"):
+        for axis in ("east", "north"):
+            yield Extra(f"{sensor.id}_error_{axis}_m", sensor.sigma_m, lasts_s=sensor.error_lasts_s)
+    for sensor in config.with_role("compass"):
+        bias, deviation = np.radians([sensor.compass_bias_sigma_deg, sensor.compass_deviation_sigma_deg]).tolist()
+        yield Extra(f"{sensor.id}_bias_rad", bias, lasts_s=sensor.compass_bias_lasts_s)
+        yield Extra(f"{sensor.id}_sin_rad", deviation, DEVIATION_WALK)
+        yield Extra(f"{sensor.id}_cos_rad", deviation, DEVIATION_WALK)
 
 
 def _imu_noise(imu: SensorTable) -> ProcessNoise:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
-from shore.navigation.motion_model import Gaussian, ImuInput, ProcessNoise, middle_heading, move, process_noise
+from shore.navigation.motion_model import Gaussian, Input, ProcessNoise, middle_heading, process_noise, steer
 from shore.navigation.numbers import Array, product
 
 ALPHA: Final = 1.0
@@ -70,24 +70,42 @@ def sigma_points(x: Array, L: Array) -> Array:
     return points
 
 
-def predict_unscented(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+def predict_unscented(before: Gaussian, dt_s: float, imu: Input | None, noise: ProcessNoise) -> Predicted:
     """The unscented transform of `move`; `repairs` counts factors of P that needed jitter.
 
     Mean and deviations (Eqs 4.52, 4.53) are taken before the heading is wrapped, on one branch that the points share:
-    a spread beyond 180 deg is not folded into false certainty.
+    a spread beyond 180 deg is not folded into false certainty. Points are needed in the `driving` states alone: of a
+    lower factor of the whole P, the other columns move states that only fade, which is exact without points.
     """
     space, x, P = before
-    n = space.size
-    mean_weights, cov_weights, spread = weights(n)
+    n, m = space.size, space.driving
+    mean_weights, cov_weights, spread = weights(m)
     L, repairs = factor(P)
-    points = move(space, sigma_points(x, L), dt_s, imu)
+    points = steer(space, sigma_points(x[..., :m], L[..., :m, :m]), dt_s, imu)
     mean = product(mean_weights, points)
     apart = points - mean[..., np.newaxis, :]
-    Q = process_noise(space, middle_heading(x, mean), dt_s, noise)
     scatter = product(apart.swapaxes(-1, -2) * cov_weights, apart)
+    weight = spread * float(cov_weights[1])
+
+    def followed() -> Array:
+        """Covariance of the states before, (..., n), with the driving states after, (..., m)."""
+        both: Array = L[..., :m] @ (apart[..., 1 : m + 1, :] - apart[..., m + 1 :, :])
+        return weight * both
+
+    if m == n:
+        Q = process_noise(space, middle_heading(x, mean), dt_s, noise)
+        return Predicted(wrap_heading(mean), symmetric(scatter + Q), followed, repairs)
+    shares = space.kept(dt_s)
+    kept = np.ones(n) if shares is None else shares
+    whole = np.concatenate((mean, x[..., m:] * kept[m:]), axis=-1)
+    spreads = P * (kept[:, np.newaxis] * kept)
+    spreads[..., :m, :m] = scatter
+    aside = followed()
+    spreads[..., m:, :m] = kept[m:, np.newaxis] * aside[..., m:, :]
+    spreads[..., :m, m:] = spreads[..., m:, :m].swapaxes(-1, -2)
+    Q = process_noise(space, middle_heading(x, whole), dt_s, noise)
 
     def cross() -> Array:
-        both: Array = L @ (apart[..., 1 : n + 1, :] - apart[..., n + 1 :, :])
-        return (spread * float(cov_weights[1])) * both
+        return np.concatenate((aside, P[..., m:] * kept[m:]), axis=-1)
 
-    return Predicted(wrap_heading(mean), symmetric(scatter + Q), cross, repairs)
+    return Predicted(wrap_heading(whole), symmetric(spreads + Q), cross, repairs)

@@ -60,7 +60,7 @@ class _Run:
         self._intake = Intake(config, lambda _event: None)
         self._order = Order(self._intake.imu)
         self._smoother = Smoother(name, facts)
-        self._bank = Bank([self._smoother.filter], facts, has_compass=bool(config.with_role("compass")))
+        self._bank = Bank([self._smoother.filter], has_compass=bool(config.with_role("compass")))
         self._moment = self._bank.at_rest()
         """Memory of the filter after the last settled event."""
         self._name = name + SUFFIX

@@ -46,7 +46,7 @@ def test_there_and_back_is_equal() -> None:
 def test_an_unknown_key_gets_a_hint() -> None:
     assert faults({**GOOD, "senser": []}) == ["senser: unknown key, did you mean sensor?"]
     assert faults({**GOOD, "boat": {"id": "b", "colour": "red"}}) == [
-        "boat.colour: unknown key (known: id, variation_deg)"
+        "boat.colour: unknown key (known: id, variation_deg, current_sigma_m_s, leeway_m_s)"
     ]
 
 

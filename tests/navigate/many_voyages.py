@@ -101,7 +101,7 @@ def heading_squares(name: str, many: Many, from_share: float, **told: float) -> 
 
 def _begin(name: str, many: Many, voyage: Voyage) -> Filter:
     """A filter of all boats, each begun from its own first fix and heading."""
-    facts = facts_of(voyage.config)
+    facts = facts_of(voyage.config).plain
     each = build_filter(name, facts)
     first = []
     for (east_m, north_m, *velocity), heading in zip(many.fixes[0].T.tolist(), many.headings[0].tolist(), strict=True):

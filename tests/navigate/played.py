@@ -88,7 +88,9 @@ def with_imu(config: BoatConfig, **facts: Any) -> BoatConfig:
 def play(draws: Draws, name: str = "fuzzy", **imu: Any) -> Played:
     """Run a filter over all draws at once; `imu` replaces facts of the IMU (`use=()` = it goes without)."""
     config = with_imu(draws.voyage.config, **imu)
-    each = build_filter(name, facts_of(config))
+    each = build_filter(
+        name, facts_of(config).plain
+    )  # a batch: what a real boat's filter does beside it is for one boat
     driver = driving_sensor(config)
     count = draws.fixes.shape[-1]
     fixes = iter(draws.fixes)

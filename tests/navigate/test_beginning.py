@@ -47,7 +47,7 @@ AFT = (-8.0, 1.0)
 """Forward and starboard of the reference point, m."""
 
 
-@pytest.mark.parametrize("space", [LEAKY, StateSpace((Extra("compass_bias_rad", 0.02),))])
+@pytest.mark.parametrize("space", [LEAKY, StateSpace((Extra("c_bias_rad", 0.02),))])
 def test_the_first_place_is_that_of_the_reference_point(space: StateSpace) -> None:
     """Fix and heading are drawn about the truth: the first state is exact without noise, and as good as it claims."""
     rng = np.random.default_rng(4)
@@ -60,7 +60,7 @@ def test_the_first_place_is_that_of_the_reference_point(space: StateSpace) -> No
     squares = []
     for _ in range(2000):
         fix = Position(0, "g", *(antenna + 0.1 * rng.normal(size=2)))
-        bias = space.index("compass_bias_rad")
+        bias = space.index("c_bias_rad")
         off = 0.01 * rng.normal() + (0.0 if bias is None else 0.02 * rng.normal())
         x, P, read_from = first_state(0, fix, HEADING._replace(heading_rad=1.0 + off), facts)
         error = x[:2] - truth[:2]

@@ -64,7 +64,7 @@ def readings() -> list[Measurement]:
 
 
 def end_of(name: str, measured: list[Measurement], judge: Judge | None) -> Moment:
-    timeline = Timeline(Bank([build_filter(name, FACTS, judge=judge)], FACTS, has_compass=True), None)
+    timeline = Timeline(Bank([build_filter(name, FACTS, judge=judge)], has_compass=True), None)
     for each in measured:
         timeline.push(Batch(each.t_ns, "b", (each,), ()))
     return timeline.at(measured[-1].t_ns)

@@ -27,8 +27,8 @@ NAMES = ("kf", "ekf", "ukf", "fuzzy", "fuzzy-thesis")
 
 
 def timeline_of(config: BoatConfig, names: tuple[str, ...]) -> tuple[Timeline, Bank]:
-    facts = facts_of(config)
-    bank = Bank([build_filter(name, facts) for name in names], facts, has_compass=True)
+    facts = facts_of(config).plain
+    bank = Bank([build_filter(name, facts) for name in names], has_compass=True)
     return Timeline(bank, ImuTrack(config.with_role("imu")[0])), bank
 
 
@@ -158,7 +158,7 @@ def test_a_day_with_outages_and_gaps_of_ten_minutes() -> None:
     config = replace(BOAT, sensor=SENSORS)
     rng = np.random.default_rng(24)
     timeline, bank = timeline_of(config, names)
-    facts = facts_of(config)
+    facts = facts_of(config).plain
     _, P = first_of(facts, (0.0,) * 5, (SIGMA_M**2, SIGMA_M**2, 1.0, 1.0, math.radians(SIGMA_DEG) ** 2))
     sea = Sea(rng, np.sqrt(np.diagonal(P)) * rng.normal(size=len(P)))
     scores: list[list[float]] = []

@@ -63,7 +63,7 @@ class Range(NamedTuple):
 
 
 def bank() -> Bank:
-    return Bank([build_filter("ukf", FACTS)], FACTS, has_compass=True)
+    return Bank([build_filter("ukf", FACTS)], has_compass=True)
 
 
 FIX, HEADING, RANGE = Position(S, "g", 3.0, 4.0), TrueHeading(S, "c", 0.5), Range(2 * S, "beacon", 5.6, 0.0, 0.0)

@@ -18,15 +18,15 @@ from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter
 from shore.navigation.kalman import Predicted
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import FIVE, Gaussian, ImuInput, ProcessNoise, move
+from shore.navigation.motion_model import FIVE, Gaussian, ImuInput, Input, ProcessNoise, move
 from shore.navigation.noise.noise_rule import Channel, FixedNoise
 from shore.navigation.numbers import Array, wrapped
 from shore.navigation.sensor_facts import FilterFacts
 
-Predict = Callable[[Gaussian, float, ImuInput | None, ProcessNoise], Predicted]
+Predict = Callable[[Gaussian, float, Input | None, ProcessNoise], Predicted]
 
 
-def predict_exactly(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
+def predict_exactly(before: Gaussian, dt_s: float, imu: Input | None, noise: ProcessNoise) -> Predicted:
     """The moments of the motion of a Gaussian in closed form; no sigma points, no derivatives, one boat.
 
     The heading m in the middle of the step is Gaussian (mu, s^2), so E sin m = e sin mu and E cos m = e cos mu with
@@ -36,7 +36,7 @@ def predict_exactly(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: 
     """
     assert imu is not None
     _, x, P = before
-    f, r, w = (float(value) for value in imu)
+    f, r, w = (float(value or 0.0) for value in imu)
     mu, s2 = float(x[4]) + 0.5 * w * dt_s, float(P[4, 4])
     once, twice = math.exp(-0.5 * s2), math.exp(-2.0 * s2)
     sin, cos = once * math.sin(mu), once * math.cos(mu)
@@ -83,13 +83,13 @@ def augmented(*, through_motion: bool) -> Predict:
         result: Array = move(FIVE, x + offset[:5], dt_s, imu) + added
         return result
 
-    def predict(before: Gaussian, dt_s: float, imu: ImuInput | None, noise: ProcessNoise) -> Predicted:
-        assert imu is not None
+    def predict(before: Gaussian, dt_s: float, imu: Input | None, noise: ProcessNoise) -> Predicted:
+        assert isinstance(imu, ImuInput)
         _, x, P = before
         n = 8
         L = np.zeros((n, n))
         L[:5, :5] = np.linalg.cholesky(P)
-        L[5:, 5:] = np.diag([float(density) / math.sqrt(dt_s) for density in noise])
+        L[5:, 5:] = np.diag([float(density) / math.sqrt(dt_s) for density in noise[:3]])
         offsets = np.concatenate([np.zeros((1, n)), math.sqrt(n) * L.T, -math.sqrt(n) * L.T])
         points = np.stack([moved(x, offset, dt_s, imu) for offset in offsets])
         each = 0.5 / n

@@ -20,7 +20,8 @@ from shore.navigation.filters import Filter, FilterState
 from shore.navigation.measurements import Position, TrueHeading
 from shore.navigation.motion_model import FIVE, Extra, ImuInput, StateSpace, through_water
 from shore.navigation.numbers import Array
-from shore.navigation.pseudo_measurements import Sailing, Stream, Water
+from shore.navigation.pseudo_measurements import Stream, Water
+from shore.navigation.sailing import Sailing
 from shore.navigation.sensor_facts import FilterFacts
 
 UNCALIBRATED = SCENARIOS["uncalibrated"]

@@ -252,7 +252,7 @@ def test_a_rewind_gives_the_same_memory() -> None:
         way.append(TrueHeading(k * NS_PER_S, "c", 0.02 * rng.normal()))
 
     def last(order: list[Measurement]) -> FilterState:
-        timeline = Timeline(Bank([build_filter("fuzzy", FACTS)], FACTS, has_compass=True), None)
+        timeline = Timeline(Bank([build_filter("fuzzy", FACTS)], has_compass=True), None)
         for measured in order:
             timeline.push(Batch(max(measured.t_ns, NS_PER_S), "b", (measured,), ()))
         (state,) = timeline.at(way[-1].t_ns).states

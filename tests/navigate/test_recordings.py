@@ -15,6 +15,8 @@ import pytest
 from common.boat_config import SensorTable
 from common.simulation import without_ports
 from common.simulation.column_recording import recording_voyages
+from shore.navigation import own_ship
+from shore.navigation.sensor_facts import facts_of
 from tests.navigate.played import TRUSTING, Draws, Played, drawn, play
 from tests.offline import errors_of, without_latency
 from tests.recordings import BLUEBOAT, BLUEBOAT_MAP
@@ -91,6 +93,7 @@ def test_no_default_is_tuned_to_these_runs(name: str, factor: float) -> None:
 def test_framer_and_pipeline_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its estimates are for the end of a frame, 0.1 s after the row that is scored here."""
     monkeypatch.setattr(without_ports, "EPOCH_S", 0.0)
+    monkeypatch.setattr(own_ship, "facts_of", lambda config: facts_of(config).plain)
     batch = np.sqrt(play(drawn(file_of(SPIN), BLUEBOAT_MAP, 4)).squares.mean(axis=0))
     voyages = recording_voyages(file_of(SPIN), BLUEBOAT_MAP, range(4))
     whole = [errors_of(without_latency(voyage), ["fuzzy"])["fuzzy"].rms_m() for voyage in voyages]

@@ -27,8 +27,15 @@ from shore.navigation.numbers import Array
 from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.ukf import predict_unscented
 
-SIGMAS = (0.02, 0.1, 0.1, 0.2, 0.3, 0.3, 0.05, 0.5)
-ALL = StateSpace(tuple(Extra(name, sigma) for name, sigma in zip(EXTRA_NAMES, SIGMAS, strict=True)))
+SIGMAS = (0.02, 0.1, 0.1, 0.2, 1.5, 0.3, 0.3, 0.5)
+ERRORS = (
+    Extra("gps1_error_east_m", 2.0, lasts_s=150.0),
+    Extra("gps1_error_north_m", 2.0, lasts_s=150.0),
+    Extra("compass1_bias_rad", 0.03, lasts_s=100.0),
+    Extra("compass1_sin_rad", 0.05, 1e-4),
+    Extra("compass1_cos_rad", 0.05, 1e-4),
+)
+ALL = StateSpace((*(Extra(name, sigma) for name, sigma in zip(EXTRA_NAMES, SIGMAS, strict=True)), *ERRORS))
 NINE = StateSpace((*ALL.extras[:3], Extra("tilt_leak_per_m", 0.2, limit=0.4)))
 QUIET = ProcessNoise(0.004, 0.004, math.radians(0.036))
 
@@ -128,9 +135,9 @@ def test_a_lever_arm_tells_the_heading_of_a_turning_boat_on_the_spot() -> None:
 
 
 def test_compass_bias_is_told_apart_by_a_compass_that_is_right() -> None:
-    space = StateSpace((Extra("compass_bias_rad", 0.2),))
+    space = StateSpace((Extra("c_bias_rad", 0.2),))
     each = build_filter("ukf", facts(space, lever=(20.0, 0.0)))
-    each.start(*first_of(each.facts, (0.0, 0.0, 0.0, 0.0, 0.15), (1e-6, 1e-6, 1e-6, 1e-6, 1e-4)))
+    each.start(*first_of(each.facts, (0.0, 0.0, 0.0, 0.0, 0.15), (1e-6, 1e-6, 1e-6, 1e-6, 1e-4), compass="c"))
     for _ in range(50):
         each.update(Position(0, "g", 0.0, 20.0))
         each.update(TrueHeading(0, "c", 0.15))

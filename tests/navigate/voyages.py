@@ -122,14 +122,18 @@ def errors(states: Array, truth: Truth) -> Array:
 
 # Its IMU is calibrated: the filters have the thesis' five states.
 BOAT = BoatConfig(
-    boat=BoatTable(id="springer", variation_deg=0.0),
+    boat=BoatTable(id="springer", variation_deg=0.0, current_sigma_m_s=0.0, leeway_m_s=0.0),
     port=(PortTable(name="p", path="/dev/null"),),
     sensor=(
         SensorTable(id="gps1", port="p", role="gps", rate_hz=1.0, sigma_m=6.5),
-        SensorTable(id="compass1", port="p", role="compass", rate_hz=10.0, sigma_deg=0.5),
+        SensorTable(
+            id="compass1", port="p", role="compass", rate_hz=10.0, sigma_deg=0.5, compass_bias_sigma_deg=0.0,
+            compass_deviation_sigma_deg=0.0,
+        ),
         SensorTable(
             id="imu1", port="p", role="imu", rate_hz=20.0, accel_density=0.004, gyro_density_deg=0.036,
             bias_accel_sigma_m_s2=0.0, bias_yaw_rate_sigma_deg_s=0.0, tilt_leak_sigma_per_m=0.0,
+            heel_leak_sigma=0.0,
         ),
     ),
 )  # fmt: skip

@@ -199,7 +199,7 @@ def test_other_verdicts_are_listed_and_are_a_difference(
     changes = {
         ("/session", 0): how,
         ("/events", 0): lambda fields: fields | {"code": "filter-reset", "name": "filter-reset"},
-        ("/estimates/ukf", 70): lambda fields: fields | {"aligned": False, "waiting": ["heading"]},
+        ("/estimates/ukf", 118): lambda fields: fields | {"aligned": False, "waiting": ["heading"]},
     }
     log = changed(short, tmp_path / "a.mcap", changes)
     code, said, summary = said_by(log, capsys)

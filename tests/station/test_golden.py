@@ -58,7 +58,7 @@ def test_the_script_still_makes_the_same_frames(tmp_path: Path) -> None:
     ("name", "constant", "factor"),
     [
         ("turns", "shore.navigation.initial_state.KNOWN_SPEED_M_S", 0.99),
-        ("without-compass", "shore.navigation.sensor_facts.COURSE_SIGMA_DEG", 0.99),
+        ("without-compass", "shore.navigation.trust.water.COURSE_DOUBT_RAD", 0.99),
         ("late-and-shuffled", "shore.navigation.timeline.HORIZON_NS", 0.5),
     ],
 )

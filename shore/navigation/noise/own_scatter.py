@@ -64,9 +64,9 @@ class Scatter(NamedTuple):
     """The last three that are far enough apart, oldest first; angles go on beyond a turn."""
 
     @classmethod
-    def first(cls, initial_variance: float, *, is_angle: bool) -> "Scatter":
-        """Before any reading: the white share of R0."""
-        prior = initial_variance if is_angle else POSITION_PRIOR * initial_variance
+    def first(cls, initial_variance: float, *, is_angle: bool, is_white: bool = False) -> "Scatter":
+        """Before any reading: the white share of R0. is_white: all of it is white."""
+        prior = initial_variance if is_angle or is_white else POSITION_PRIOR * initial_variance
         return cls(PRIOR_WEIGHT * prior, PRIOR_WEIGHT, is_angle)
 
     @property
@@ -118,6 +118,11 @@ def difference(first: Reading, second: Reading, third: Reading, newest: Reading)
     squared = w3 * w3
     length = w0 * w0 + w1 * w1 + w2 * w2 + squared
     return total * total / length, squared / length
+
+
+def widest(scatter: Scatter) -> Number:
+    """Largest R that may be learned where R begins at the sensor's own scatter: 9 S/W, or a late jump; m^2, rad^2."""
+    return larger(TIMES_SCATTER * scatter.squares / scatter.weight, scatter.jump)
 
 
 def bound(initial_variance: float, scatter: Scatter) -> Number:

@@ -1,0 +1,40 @@
+"""What a filter of a real boat does around each prediction and update: it weighs its sensors (fault-tolerant fusion).
+
+A filter asks what drives a prediction and how a measurement is to be fused; all that is remembered is one immutable
+`Trust` in the filter's state (`memory.py`).
+
+prediction  the axes of the IMU that are in use; process noise by what they do not explain; each second the water
+fix         what the receiver claims, a lasting error as a state, its velocity behind a guard, then axes and turns
+compass     its deviation as states, a larger R in turns; set aside by the witnesses of a turn, and taken back
+"""
+
+from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
+from shore.navigation.motion_model import Gaussian, ImuInput
+from shore.navigation.trust.fixes import fuse_fix
+from shore.navigation.trust.headings import fuse_heading
+from shore.navigation.trust.inputs import passed
+from shore.navigation.trust.memory import Engine, Handling, Regard
+from shore.navigation.trust.opening import start_again_when_due
+from shore.navigation.trust.water import EVERY_S, known_water
+
+
+def after_prediction(boat: Handling, engine: Engine, before: Gaussian, dt_s: float, imu: ImuInput | None) -> None:
+    """A prediction was made from `before`; `imu` is what was measured, in use or not."""
+    passed(boat, engine, before, dt_s, imu)
+    pending_s = engine.trust.way.pending_s
+    if pending_s >= EVERY_S:
+        known_water(boat, engine, pending_s)
+
+
+def fuse(boat: Handling, engine: Engine, measured: Measurement) -> None:
+    """Fuse one measurement."""
+    trust = engine.trust
+    if trust.started_ns is None:
+        engine.remember(trust._replace(started_ns=measured.t_ns))
+    if isinstance(measured, Position):
+        fuse_fix(boat, engine, measured)
+        start_again_when_due(boat, engine, measured.sensor)
+    elif isinstance(measured, TrueHeading):
+        fuse_heading(boat, engine, measured)
+    elif not isinstance(measured, Course):  # the water gives the heading of a boat without compass
+        engine.fuse_parts(measured, [Regard()] * len(measured.parts))
