@@ -50,6 +50,15 @@ class Errors:
         return np.asarray(self.t_s >= self.t_s[0] + share * (self.t_s[-1] - self.t_s[0]))
 
 
+def compensated(voyage: Voyage) -> Voyage:
+    """Its boat's file says that the compasses have no lasting errors, and the water no current: then noise is left."""
+    sensors = (
+        replace(item, compass_bias_sigma_deg=0.0, compass_deviation_sigma_deg=0.0) for item in voyage.config.sensor
+    )
+    boat = replace(voyage.config.boat, current_sigma_m_s=0.0, leeway_m_s=0.0)
+    return replace(voyage, config=replace(voyage.config, boat=boat, sensor=tuple(sensors)))
+
+
 def errors_of(voyage: Voyage, filters: Sequence[str], **imu: object) -> dict[str, Errors]:
     """Run the filters over a voyage; `imu` replaces facts of the IMU (`use=()` = the filters go without it)."""
     config = voyage.config

@@ -143,12 +143,14 @@ class Sea:
         is_driven = self._silent_s <= HELD_S
         shown = self._held if is_driven else None
         self.x = move(space, self.x, 1.0, shown)
-        density = np.array(noise if is_driven else FREE_NOISE, dtype=float)
+        density = np.array((noise if is_driven else FREE_NOISE)[:3], dtype=float)
         fwd, stb, turn = density * rng.normal(size=3)
         sin, cos = math.sin(self.x[HEADING]), math.cos(self.x[HEADING])
         east, north = sin * fwd + cos * stb, cos * fwd - sin * stb
         self.x[:5] += (0.5 * east, 0.5 * north, east, north, turn)
-        self.x += np.sqrt(space.walk_variances) * rng.normal(size=len(self.x))
+        walks = rng.normal(size=len(self.x))
+        for place, extra in space.walks:
+            self.x[place] += extra.walk * walks[place]
         return self._held
 
 

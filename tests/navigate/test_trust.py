@@ -42,7 +42,7 @@ def guard(errors_m: Iterable[float], velocity_m_s: float = 2.0, white_m: float =
 
 
 def noise(seconds: int, sigma_m: float, seed: int = 1) -> list[float]:
-    return (sigma_m * np.random.default_rng(seed).normal(size=seconds)).tolist()
+    return list(map(float, sigma_m * np.random.default_rng(seed).normal(size=seconds)))
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from common.simulation.scenarios import scenario_voyage
+from shore.navigation import own_ship
 from shore.navigation.numbers import Array
+from shore.navigation.sensor_facts import facts_of
 from tests.navigate.many_voyages import heading_squares, sail_many
 from tests.offline import believing, errors_of
 
@@ -46,7 +48,11 @@ def test_in_scenario_53_fuzzy_ends_as_good_as_a_filter_that_knows_the_noise(squa
     assert to_fixed[1] <= 0.6, to_fixed
 
 
-def test_a_voyage_through_frames_and_pipeline_is_a_row_of_these(squares: Array) -> None:
+def test_a_voyage_through_frames_and_pipeline_is_a_row_of_these(
+    squares: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows are a batch, so that the pipeline takes the sensors for what their channels say too."""
+    monkeypatch.setattr(own_ship, "facts_of", lambda config: facts_of(config).plain)
     framed = []
     for seed in range(FRAMED):
         voyage = scenario_voyage("5.3", seed=seed)

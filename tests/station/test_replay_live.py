@@ -176,7 +176,7 @@ SEEDS = 20
 
 def ratios(seed: int) -> tuple[float, float]:
     """RMS in order of boat time / RMS live, position and heading: a third of the frames up to a minute late."""
-    voyage = scenario_voyage("4.2", seed=seed, seconds=150.0, rates=RATES)
+    voyage = offline.compensated(scenario_voyage("4.2", seed=seed, seconds=150.0, rates=RATES))
     with TemporaryDirectory() as directory:
         path = Path(directory) / "late.mcap"
         writer = log_at(path)
