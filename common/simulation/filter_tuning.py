@@ -42,7 +42,7 @@ class Assumed:
         """The same as a boat's file says it; a receiver's entry holds one number, so the mean of both axes.
 
         A calibrated IMU keeps what the mean of a minute at rest leaves of its biases, another one those of Table 5.4 at
-        most. Simulated biases are constant, and a simulated hull keeps its trim.
+        most. Simulated biases are constant, a simulated hull keeps its trim, the compass has white noise alone.
         """
         left = 1.0 / math.sqrt(CALIBRATION_S)
         return SensorFacts(
@@ -55,4 +55,7 @@ class Assumed:
             bias_yaw_rate_sigma_deg_s=self.gyro_density_deg * left if is_calibrated else BIAS_YAW_RATE_DEG_S,
             bias_yaw_rate_walk_deg_s=0.0,
             tilt_leak_sigma_per_m=0.0,
+            heel_leak_sigma=0.0,
+            compass_bias_sigma_deg=0.0,
+            compass_deviation_sigma_deg=0.0,
         )

@@ -131,6 +131,9 @@ class SensorFacts:
     bias_yaw_rate_sigma_deg_s: Annotated[float, Range(0.0, 50.0)] = _TABLE.bias_yaw_rate_sigma_deg_s
     bias_yaw_rate_walk_deg_s: Annotated[float, Range(0.0, 5.0)] = _TABLE.bias_yaw_rate_walk_deg_s
     tilt_leak_sigma_per_m: Annotated[float, Range(0.0, 2.0)] = _TABLE.tilt_leak_sigma_per_m
+    heel_leak_sigma: Annotated[float, Range(0.0, 20.0)] = _TABLE.heel_leak_sigma
+    compass_bias_sigma_deg: Annotated[float, Range(0.0, 180.0)] = _TABLE.compass_bias_sigma_deg
+    compass_deviation_sigma_deg: Annotated[float, Range(0.0, 180.0)] = _TABLE.compass_deviation_sigma_deg
     use: tuple[Annotated[str, OneOf(IMU_AXES)], ...] = _TABLE.use
 
 

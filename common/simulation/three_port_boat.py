@@ -24,7 +24,13 @@ def three_port_boat(boat: BoatTable, facts: SensorFacts | None = None, rates: Ra
                 id="gps1", port="gps", role="gps", rate_hz=rates.gps_hz, latency_ms=300.0, sigma_m=facts.sigma_m
             ),
             SensorTable(
-                id="compass1", port="compass", role="compass", rate_hz=rates.compass_hz, sigma_deg=facts.sigma_deg
+                id="compass1",
+                port="compass",
+                role="compass",
+                rate_hz=rates.compass_hz,
+                sigma_deg=facts.sigma_deg,
+                compass_bias_sigma_deg=facts.compass_bias_sigma_deg,
+                compass_deviation_sigma_deg=facts.compass_deviation_sigma_deg,
             ),
             SensorTable(
                 id="imu1",
@@ -39,6 +45,7 @@ def three_port_boat(boat: BoatTable, facts: SensorFacts | None = None, rates: Ra
                 bias_yaw_rate_sigma_deg_s=facts.bias_yaw_rate_sigma_deg_s,
                 bias_yaw_rate_walk_deg_s=facts.bias_yaw_rate_walk_deg_s,
                 tilt_leak_sigma_per_m=facts.tilt_leak_sigma_per_m,
+                heel_leak_sigma=facts.heel_leak_sigma,
                 use=facts.use,
             ),
         ),

@@ -72,7 +72,7 @@ def test_a_real_daemon_tells_ready_status_watchdog_and_stopping_in_order(
             supervisor.until("STATUS=")
         statuses = [item for item in supervisor.heard if item.startswith("STATUS=")]
         assert statuses == ["STATUS=boat b, 0 of 1 sensors deliver, 0 clients"]
-        assert "nowhere cannot be opened: no such device" in "\n".join(daemon.err)
+        daemon.wait_for_words("nowhere cannot be opened: no such device")
         supervisor.heard.clear()
         time.sleep(1.0)
         assert supervisor.now().count("WATCHDOG=1") >= 4
