@@ -122,7 +122,7 @@ class GpsdReader:
                 lon_deg=lon_deg,
                 alt_m=alt_m if lat_deg is not None else None,
                 fix_quality=None if status is None else _QUALITY_OF.get(int(status)),
-                fix_mode=int(mode) if mode else None,
+                fix_mode=int(mode) if mode in (1.0, 2.0, 3.0) else None,
                 sog_kn=None if speed_m_s is None else speed_m_s / M_S_PER_KN,
                 cog_true_deg=course_deg,
                 utc_ns=record.t_ns,

@@ -5,7 +5,7 @@ from array import array
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from common.boat_config import BoatTable
@@ -104,6 +104,7 @@ def through(first: RecordingReader, second: RecordingReader) -> None:
         assert {one.sensor for name in ("fixes", "headings", "attitudes") for one in getattr(frame, name)} <= known
 
 
+@example([json.dumps({"class": "TPV", "time": "2020-01-01T00:00:00Z", "mode": 0.5})])
 @given(lines_of(OBJECT))
 def test_any_gpsd_lines_are_read_without_an_exception(lines: list[str]) -> None:
     second = GpsdReader(Given(lines))
