@@ -31,6 +31,18 @@ def test_a_changed_digit_is_found_and_named(tmp_path: Path, log: Path, voyage: l
     assert first.t_s == pytest.approx(7.1)
 
 
+def test_a_log_of_other_filters_is_said_to_be_one(tmp_path: Path, log: Path) -> None:
+    def change(record: LogRecord, number: int) -> bytes:
+        if record.topic == "/estimates/ukf":
+            two = {"names": ["east_m", "north_m"], "state": [1.0, 2.0], "covariance": [1.0, 0.0, 1.0]}
+            return json.dumps(record.json() | two | {"digest": "0" * 16}).encode()
+        return record.data
+
+    done = Done(rewritten(log, tmp_path / "old.mcap", change))
+    assert done.run.comparison is not None
+    assert str(done.run.comparison.first).endswith("recorded were 2: another version of Wayfix made the log")
+
+
 def test_a_digit_that_the_log_does_not_store_counts_too(tmp_path: Path, log: Path, voyage: list[Frame]) -> None:
     def change(record: LogRecord, number: int) -> bytes:
         if record.topic == "/estimates/ukf" and number == 70:
