@@ -22,9 +22,10 @@ from common.units import NS_PER_S
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.initial_state import first_of
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import FIVE, Extra, ImuInput, ProcessNoise, StateSpace, process_noise
+from shore.navigation.motion_model import ImuInput, ProcessNoise, process_noise
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import FIVE, Extra, StateSpace
 from tests.navigate.filterpys import filterpy_ukf
 
 NINE: Final = StateSpace(

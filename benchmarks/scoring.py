@@ -13,7 +13,7 @@ from common.simulation.motion import Truth
 from common.simulation.without_ports import START_NS
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
-from shore.navigation.motion_model import EAST, HEADING, NORTH, V_EAST, V_NORTH
+from shore.navigation.state_space import EAST, HEADING, NORTH, V_EAST, V_NORTH
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

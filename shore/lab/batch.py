@@ -25,10 +25,11 @@ from shore.lab.methods import METHODS, ORACLE, Method, Stepped
 from shore.lab.statistics import spans, squared_errors
 from shore.navigation.filters import Filter, FilterState
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import FIVE, Extra, ImuInput, ProcessNoise, StateSpace
+from shore.navigation.motion_model import ImuInput, ProcessNoise
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, Number
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import FIVE, Extra, StateSpace
 
 Profile = Literal["stated", "compat"]
 PROFILES: Final[tuple[Profile, ...]] = ("stated", "compat")

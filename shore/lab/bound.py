@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 
 from common.simulation.monte_carlo_runs import Runs
-from shore.navigation.motion_model import EAST, HEADING, NORTH, V_EAST
 from shore.navigation.numbers import Array
+from shore.navigation.state_space import EAST, HEADING, NORTH, V_EAST
 
 _UNITS: Final = np.array([1.0, 1.0, np.degrees(1.0) ** 2])
 

@@ -15,8 +15,8 @@ from common.errors import WayfixError
 from shore.lab.batch import RunTrack
 from shore.lab.parallel_runs import RAW, Result
 from shore.lab.statistics import running_rms, squared_errors, window_variance
-from shore.navigation.motion_model import HEADING
 from shore.navigation.numbers import Array, wrapped
+from shore.navigation.state_space import HEADING
 from shore.report.run_picture import STYLES
 
 WINDOW: Final = 30

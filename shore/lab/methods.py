@@ -16,10 +16,11 @@ from shore.navigation.filter_registry import REGISTRY, build_filter
 from shore.navigation.filters import FilterState
 from shore.navigation.kalman import prior_variance
 from shore.navigation.measurements import Measurement, TrueHeading
-from shore.navigation.motion_model import FIVE, HEADING, ImuInput
+from shore.navigation.motion_model import ImuInput
 from shore.navigation.noise.noise_rule import ChannelNoise
 from shore.navigation.numbers import Array, Number, square
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import FIVE, HEADING
 
 ORACLE: Final = "oracle"
 

@@ -15,8 +15,8 @@ from common.messages import Frame
 from common.units import M_S_PER_KN
 from shore.navigation.filters import FilterState
 from shore.navigation.measurements import is_angle
-from shore.navigation.motion_model import EAST, HEADING, NORTH, V_EAST, V_NORTH
 from shore.navigation.numbers import Number
+from shore.navigation.state_space import EAST, HEADING, NORTH, V_EAST, V_NORTH
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,19 +20,13 @@ from shore.navigation.kalman import (
     wrap_heading,
 )
 from shore.navigation.measurements import Measurement, PseudoMeasurement, Scalar, is_angle
-from shore.navigation.motion_model import (
-    Gaussian,
-    ImuInput,
-    Input,
-    ProcessNoise,
-    StateSpace,
-    with_trim,
-)
+from shore.navigation.motion_model import ImuInput, Input, ProcessNoise, with_trim
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.own_scatter import Scatter, bound, widest
 from shore.navigation.numbers import Array, Number, clip, larger, smaller
 from shore.navigation.refilter_start import Assumed, Opening, Operation, Passed
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import Gaussian, StateSpace
 from shore.navigation.trust.boat_trust import after_prediction, fuse
 from shore.navigation.trust.inputs import drives
 from shore.navigation.trust.memory import Regard, Trust
@@ -246,6 +240,11 @@ class Filter:
             return None
         return float(noise.scatter.variance), noise.scatter.weight
 
+    def variance_of(self, channel: str) -> float | None:
+        """R in use of a channel (m^2 or rad^2); `None` = nothing measured."""
+        noise = self.estimate.noise.get(channel)
+        return None if noise is None else float(noise.variance)
+
     def forget(self, sensor: str) -> None:
         """Forget the noise that was learned of a sensor's channels."""
         kept = {name: each for name, each in self.estimate.noise.items() if name.rpartition(".")[0] != sensor}
@@ -302,14 +301,14 @@ class Filter:
         bounded, spread = _within(noise.variance, channel, scatter, is_boat), noise.spread
         R = bounded
         if is_boat:
-            R = regard.factor * bounded + regard.more
-            R = R + tail(innovation, prior + R)
-            scale = R / bounded
-        elif scale is not None:
-            R = scale * R
+            R = regard.factor * R + regard.more
         if scale is not None:
+            R = scale * R
+        if is_boat:
+            R = R + tail(innovation, prior + R)
+        if R is not bounded:
             # far beyond p, the gains p / (p + R) of a bank fall as 1 / R, and so does their scatter
-            spread = spread / (scale * scale)
+            spread = spread * (bounded / R) ** 2
         x, P = update_scalar(state.gaussian, row, innovation, R, spread, considered=regard.considered)
         theoretical = prior + R
         noise = noise._replace(variance=bounded, nis=innovation * innovation / theoretical, scatter=scatter)

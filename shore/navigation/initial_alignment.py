@@ -8,7 +8,8 @@ from typing import Final
 
 from shore.navigation.filters import FilterState
 from shore.navigation.measurements import FirstHeading, Position
-from shore.navigation.motion_model import HEADING, lift_of
+from shore.navigation.motion_model import lift_of
+from shore.navigation.state_space import HEADING
 
 HEADING_KNOWN_DEG: Final = 10.0
 """Below this 1-sigma the heading counts as known; beyond it, it is lost again."""

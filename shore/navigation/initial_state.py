@@ -8,9 +8,10 @@ import numpy as np
 
 from common.units import NS_PER_S
 from shore.navigation.measurements import FirstHeading, Position
-from shore.navigation.motion_model import EAST, FREE_NOISE, HEADING, NORTH, ImuInput, body_to_plane
+from shore.navigation.motion_model import FREE_NOISE, ImuInput, body_to_plane
 from shore.navigation.numbers import Array, Number, sin_cos
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import EAST, HEADING, NORTH
 
 UNKNOWN_HEADING_RAD: Final = math.pi / math.sqrt(3.0)
 """1-sigma of a heading of which nothing is known: all directions are alike."""

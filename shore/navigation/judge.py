@@ -8,8 +8,8 @@ judges of two states; it must not be reported while it judges, for a rewind may 
 
 from typing import NamedTuple, Protocol
 
-from shore.navigation.motion_model import Gaussian
 from shore.navigation.numbers import Number
+from shore.navigation.state_space import Gaussian
 
 
 class Evidence(NamedTuple):

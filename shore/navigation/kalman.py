@@ -9,18 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shore.navigation.motion_model import (
-    HEADING,
-    V_NORTH,
-    Gaussian,
-    Input,
-    ProcessNoise,
-    jacobian,
-    middle_heading,
-    move,
-    process_noise,
-)
+from shore.navigation.motion_model import Input, ProcessNoise, jacobian, middle_heading, move, process_noise
 from shore.navigation.numbers import Array, Number, clip, column, part, square, wrapped
+from shore.navigation.state_space import HEADING, V_NORTH, Gaussian
 
 Row = tuple[tuple[int, Number], ...]
 """An observation row h as (place, weight) pairs; all other weights are 0."""

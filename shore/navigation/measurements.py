@@ -16,8 +16,9 @@ from common.messages import Event, Fix, Frame, Heading
 from common.units import M_S_PER_KN
 from shore.navigation.kalman import Row
 from shore.navigation.magnetic_variation import Variation
-from shore.navigation.motion_model import EAST, HEADING, NORTH, StateSpace, body_to_plane
+from shore.navigation.motion_model import body_to_plane
 from shore.navigation.numbers import Array, Number, part, sin_cos, wrapped
+from shore.navigation.state_space import EAST, HEADING, NORTH, StateSpace
 
 FARTHEST_M: Final = 20_000.0
 """A fix beyond this distance from the origin is not used."""

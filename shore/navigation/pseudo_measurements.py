@@ -15,10 +15,10 @@ from typing import NamedTuple
 from common.simulation.fields import VectorField
 from shore.navigation.filters import Filter
 from shore.navigation.measurements import PseudoPart, PseudoScalar
-from shore.navigation.motion_model import EAST, NORTH, Extra, StateSpace
 from shore.navigation.numbers import Array, Number, part
 from shore.navigation.sailing import Sailing
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import EAST, NORTH, Extra, StateSpace
 
 
 class Stream(NamedTuple):

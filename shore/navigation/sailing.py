@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 from shore.navigation.measurements import PseudoPart, PseudoScalar
-from shore.navigation.motion_model import StateSpace, through_water
+from shore.navigation.motion_model import through_water
 from shore.navigation.numbers import Array, part
+from shore.navigation.state_space import StateSpace
 
 
 class Sailing(NamedTuple):

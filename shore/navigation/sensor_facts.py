@@ -10,10 +10,11 @@ import numpy as np
 from common.boat_config import ROLES, BoatConfig, SensorTable
 from shore.navigation.imu_track import driving_sensor
 from shore.navigation.measurements import Lever
-from shore.navigation.motion_model import EXTRA_NAMES, FIVE, FREE_NOISE, Extra, ProcessNoise, StateSpace
+from shore.navigation.motion_model import FREE_NOISE, ProcessNoise
 from shore.navigation.noise.noise_rule import Channel
+from shore.navigation.state_space import EXTRA_NAMES, FIVE, Extra, StateSpace
 from shore.navigation.tilt_leak import LARGEST_LEAK_PER_M
-from shore.navigation.trust.memory import Handling
+from shore.navigation.trust.memory import Vessel
 
 CURRENT_WALK: Final = 0.01
 """Density of the current's random walk, m/s / sqrt(s): 0.5 m/s in 40 min."""
@@ -41,7 +42,7 @@ class FilterFacts:
     """Process noise of a step without IMU."""
     levers: Mapping[str, Lever] = field(default_factory=dict)
     """Lever arm of each sensor; absent = its antenna is at the reference point."""
-    boat: Handling | None = None
+    boat: Vessel | None = None
     """How a real boat's filter weighs its sensors; `None` = every sensor is what its channel says."""
 
     @property
@@ -66,7 +67,7 @@ def facts_of(config: BoatConfig) -> FilterFacts:
         channels[f"{sensor.id}.heading"] = Channel(math.radians(sensor.sigma_deg) ** 2, _rate_hz(sensor))
     driver = driving_sensor(config)
     extras = (*(_inertial(driver) if driver else ()), *_water(config), *_errors(config))
-    boat = Handling(config.boat.leeway_m_s, levers, driver is not None and "yaw_rate" in driver.use)
+    boat = Vessel(config.boat.leeway_m_s, levers, driver is not None and "yaw_rate" in driver.use)
     imu_noise = _imu_noise(driver) if driver else FREE_NOISE
     return FilterFacts(channels, StateSpace(extras), imu_noise, levers=levers, boat=boat)
 

@@ -21,9 +21,9 @@ import numpy as np
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import FilterState
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
-from shore.navigation.motion_model import Gaussian
 from shore.navigation.numbers import Array, clip, part
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import Gaussian
 
 
 class RtsLink(NamedTuple):

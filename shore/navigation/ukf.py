@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 
 from shore.navigation.kalman import Predicted, symmetric, wrap_heading
-from shore.navigation.motion_model import Gaussian, Input, ProcessNoise, middle_heading, process_noise, steer
+from shore.navigation.motion_model import Input, ProcessNoise, middle_heading, process_noise, steer
 from shore.navigation.numbers import Array, product
+from shore.navigation.state_space import Gaussian
 
 ALPHA: Final = 1.0
 BETA: Final = 2.0

@@ -13,9 +13,10 @@ from common.simulation.scenarios import find_scenario
 from shore.lab.batch import Profile, Setting, drive, run_method
 from shore.lab.methods import METHODS, ORACLE, IntervalKalman, check_methods
 from shore.navigation.measurements import TrueHeading
-from shore.navigation.motion_model import Extra, ImuInput, ProcessNoise, StateSpace
+from shore.navigation.motion_model import ImuInput, ProcessNoise
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import Extra, StateSpace
 
 
 def setting(name: str, runs: int, profile: Profile = "stated", *, biased: bool = False) -> Setting:

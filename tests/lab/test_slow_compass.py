@@ -10,7 +10,7 @@ from common.simulation.monte_carlo_runs import draw_runs
 from common.simulation.scenario import with_bias
 from common.simulation.scenarios import find_scenario
 from shore.lab import batch
-from shore.navigation.motion_model import Extra, StateSpace
+from shore.navigation.state_space import Extra, StateSpace
 
 RUNS, SEED = 100, 7
 DOUBTFUL = StateSpace(

@@ -8,8 +8,9 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from common.angles import wrap_rad
-from shore.navigation.motion_model import FIVE, move
+from shore.navigation.motion_model import move
 from shore.navigation.numbers import Array
+from shore.navigation.state_space import FIVE
 
 
 def filterpy_ukf(x: Array, P: Array, R: Array) -> Any:

@@ -18,9 +18,10 @@ from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter
 from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import HEADING, ImuInput
+from shore.navigation.motion_model import ImuInput
 from shore.navigation.numbers import Array
 from shore.navigation.sensor_facts import facts_of
+from shore.navigation.state_space import HEADING
 from tests.offline import believing
 
 IMU_S = 0.05

@@ -11,16 +11,10 @@ from shore.navigation.estimate import Estimate
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.initial_state import first_state
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import (
-    FIVE,
-    Extra,
-    ImuInput,
-    ProcessNoise,
-    StateSpace,
-    body_to_plane,
-)
+from shore.navigation.motion_model import ImuInput, ProcessNoise, body_to_plane
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import FIVE, Extra, StateSpace
 from shore.pipeline import Pipeline
 
 LEAKY = StateSpace(

@@ -21,20 +21,11 @@ from shore.navigation.imu_track import split
 from shore.navigation.initial_state import first_of
 from shore.navigation.kalman import update_scalar
 from shore.navigation.measurements import Course, Position, TrueHeading
-from shore.navigation.motion_model import (
-    EXTRA_NAMES,
-    FIVE,
-    FREE_NOISE,
-    Extra,
-    Gaussian,
-    ImuInput,
-    ProcessNoise,
-    StateSpace,
-    process_noise,
-)
+from shore.navigation.motion_model import FREE_NOISE, ImuInput, ProcessNoise, process_noise
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, wrapped
 from shore.navigation.sensor_facts import FilterFacts, facts_of
+from shore.navigation.state_space import EXTRA_NAMES, FIVE, Extra, Gaussian, StateSpace
 from tests.navigate.filterpys import filterpy_ukf
 from tests.navigate.voyages import Run, Truth, errors, run_filter, thesis_facts
 

@@ -183,3 +183,14 @@ def test_the_pipeline_hands_its_judge_to_every_filter_at_every_start(
     assert played(frames, step_s, Always(1.0)) == free
     assert all(each.channels for each in free[-2:])
     assert not any(each.channels for each in played(frames, step_s, Always(None)))
+
+
+@pytest.mark.parametrize("name", ["fuzzy", "ukf"])
+def test_a_scale_acts_on_the_filter_of_a_boat_too(name: str, short_voyage: list[Frame]) -> None:
+    """A judge that makes every R a million times as large leaves the place as doubtful as it began."""
+    sigmas = []
+    for judge in (None, Always(1e6)):
+        pipeline = Pipeline(BOAT, (name,), judge=judge)
+        estimates = [each for frame in short_voyage[:300] for each in pipeline.push(frame).estimates]
+        sigmas.append(estimates[-1].sigma_heading_deg)
+    assert sigmas[1] > 2.0 * sigmas[0]

@@ -16,9 +16,10 @@ from shore.navigation.filter_registry import build_filter
 from shore.navigation.imu_track import ImuTrack
 from shore.navigation.initial_state import first_of
 from shore.navigation.measurements import Measurement, Position, TrueHeading
-from shore.navigation.motion_model import FREE_NOISE, HEADING, ImuInput, ProcessNoise, move
+from shore.navigation.motion_model import FREE_NOISE, ImuInput, ProcessNoise, move
 from shore.navigation.numbers import Array
 from shore.navigation.sensor_facts import facts_of
+from shore.navigation.state_space import HEADING
 from shore.navigation.timeline import Timeline
 from tests.navigate.voyages import BOAT, UNCALIBRATED, state_of
 

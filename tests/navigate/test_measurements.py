@@ -22,10 +22,10 @@ from shore.navigation.measurements import (
     is_angle,
     with_courses,
 )
-from shore.navigation.motion_model import EAST, NORTH, StateSpace
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, hypot, part
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import EAST, NORTH, StateSpace
 from shore.navigation.timeline import Timeline
 from tests.navigate.voyages import state_of
 

@@ -7,19 +7,9 @@ import pytest
 
 from shore.navigation.filters import Predict
 from shore.navigation.kalman import predict_extended, predict_linear
-from shore.navigation.motion_model import (
-    FIVE,
-    FREE_NOISE,
-    Extra,
-    Gaussian,
-    ImuInput,
-    ProcessNoise,
-    StateSpace,
-    body_to_plane,
-    move,
-    process_noise,
-)
+from shore.navigation.motion_model import FREE_NOISE, ImuInput, ProcessNoise, body_to_plane, move, process_noise
 from shore.navigation.numbers import wrapped
+from shore.navigation.state_space import FIVE, Extra, Gaussian, StateSpace
 from shore.navigation.ukf import predict_unscented
 
 

@@ -18,10 +18,11 @@ from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter
 from shore.navigation.kalman import Predicted
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import FIVE, Gaussian, ImuInput, Input, ProcessNoise, move
+from shore.navigation.motion_model import ImuInput, Input, ProcessNoise, move
 from shore.navigation.noise.noise_rule import Channel, FixedNoise
 from shore.navigation.numbers import Array, wrapped
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import FIVE, Gaussian
 
 Predict = Callable[[Gaussian, float, Input | None, ProcessNoise], Predicted]
 

@@ -18,11 +18,12 @@ from shore.lab.batch import EIGHT, Setting
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter, FilterState
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import FIVE, Extra, ImuInput, StateSpace, through_water
+from shore.navigation.motion_model import ImuInput, through_water
 from shore.navigation.numbers import Array
 from shore.navigation.pseudo_measurements import Stream, Water
 from shore.navigation.sailing import Sailing
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import FIVE, Extra, StateSpace
 
 UNCALIBRATED = SCENARIOS["uncalibrated"]
 TIDAL = SCENARIOS["tidal-outage"]

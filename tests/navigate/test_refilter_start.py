@@ -10,8 +10,8 @@ import pytest
 from shore.navigation import refilter_start as opening
 from shore.navigation.filter_registry import build_filter
 from shore.navigation.filters import Filter, FilterState
-from shore.navigation.motion_model import EAST, HEADING, NORTH, StateSpace
 from shore.navigation.numbers import Array
+from shore.navigation.state_space import EAST, HEADING, NORTH, StateSpace
 from tests.navigate.batches import CHANNELS, POOR, START_SIGMAS, TABLE_5_3, Batch, begin, facts, noisy, step, told
 from tests.navigate.voyages import Truth
 

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shore.navigation.kalman import update_scalar
-from shore.navigation.motion_model import FIVE, NORTH, Gaussian
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise
 from shore.navigation.noise.scale_bank import SCALE_BANK, ScaleBank, _tables
 from shore.navigation.numbers import Array
+from shore.navigation.state_space import FIVE, NORTH, Gaussian
 from tests.navigate.batches import GOOD, POOR, TABLE_5_3, follow, noisy, ratios, told
 from tests.navigate.voyages import sail
 

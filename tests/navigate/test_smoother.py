@@ -12,20 +12,12 @@ from common.simulation.scenarios import find_scenario
 from common.units import NS_PER_S
 from shore.navigation.filter_registry import REGISTRY, build_filter
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import (
-    FIVE,
-    Extra,
-    Gaussian,
-    ImuInput,
-    ProcessNoise,
-    StateSpace,
-    jacobian,
-    process_noise,
-)
+from shore.navigation.motion_model import ImuInput, ProcessNoise, jacobian, process_noise
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array, wrapped
 from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.smoother import Smoother
+from shore.navigation.state_space import FIVE, Extra, Gaussian, StateSpace
 
 BIASES = (Extra("gyro_bias_rad_s", 0.005), Extra("accel_bias_fwd_m_s2", 0.04), Extra("accel_bias_stb_m_s2", 0.04))
 EIGHT = StateSpace(BIASES)

@@ -11,20 +11,11 @@ from shore.navigation.filters import FilterState
 from shore.navigation.initial_state import first_of
 from shore.navigation.kalman import predict_extended
 from shore.navigation.measurements import Position, TrueHeading
-from shore.navigation.motion_model import (
-    EXTRA_NAMES,
-    FIVE,
-    Extra,
-    Gaussian,
-    ImuInput,
-    ProcessNoise,
-    StateSpace,
-    jacobian,
-    move,
-)
+from shore.navigation.motion_model import ImuInput, ProcessNoise, jacobian, move
 from shore.navigation.noise.noise_rule import Channel
 from shore.navigation.numbers import Array
 from shore.navigation.sensor_facts import FilterFacts
+from shore.navigation.state_space import EXTRA_NAMES, FIVE, Extra, Gaussian, StateSpace
 from shore.navigation.ukf import predict_unscented
 
 SIGMAS = (0.02, 0.1, 0.1, 0.2, 1.5, 0.3, 0.3, 0.5)

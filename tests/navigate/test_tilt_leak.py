@@ -5,18 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from shore.navigation.motion_model import (
-    FIVE,
-    V_NORTH,
-    Extra,
-    Gaussian,
-    ImuInput,
-    ProcessNoise,
-    StateSpace,
-    move,
-    with_trim,
-)
+from shore.navigation.motion_model import ImuInput, ProcessNoise, move, with_trim
 from shore.navigation.numbers import Array
+from shore.navigation.state_space import FIVE, V_NORTH, Extra, Gaussian, StateSpace
 from shore.navigation.tilt_leak import LARGEST_LIFT_M2_S2, TRIM_UNREST, accel_by_speed, lift
 
 LEAKY = StateSpace((Extra("tilt_leak_per_m", 0.2, limit=0.4),))

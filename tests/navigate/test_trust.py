@@ -85,6 +85,14 @@ def test_the_third_equal_pair_of_speed_and_course_is_held() -> None:
         assert receiver.is_held == (second >= 2)
 
 
+def test_a_receiver_that_gives_a_fix_each_five_seconds_has_no_gaps() -> None:
+    receiver = Receiver(newest=START, interval_ns=5 * NS_PER_S)
+    fix = Position(5 * NS_PER_S, "gps1", 10.0, 0.0, (2.0, 0.0))
+    assert not receiver.is_broken_by(fix)
+    assert receiver.is_broken_by(fix._replace(t_ns=20 * NS_PER_S))
+    assert receiver._replace(interval_ns=NS_PER_S).is_broken_by(fix)
+
+
 def axes_after(seconds: int, explained: float, *, gravity: float = 0.0) -> Axes:
     """A boat that changes its speed ahead, and whose forward axis shows that share of it; heading 0 is north.
 
@@ -126,7 +134,13 @@ def turned(compass: float, gyro: float, course: float | None = None, other: floa
             t_ns=second * NS_PER_S,
             course_rad=None if course is None else math.radians(course) * share,
             turns={
-                name: Turned(math.radians(deg) * share, math.radians(gyro) * share, float(second), second * NS_PER_S)
+                name: Turned(
+                    math.radians(deg) * share,
+                    math.radians(gyro) * share,
+                    float(second),
+                    second * NS_PER_S,
+                    math.radians(deg - gyro) * share,
+                )
                 for name, deg in seen.items()
             },
         )

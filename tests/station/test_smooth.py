@@ -16,7 +16,8 @@ from common.messages import Fix, Frame
 from common.simulation.scenarios import scenario_voyage
 from shore.main import main
 from shore.navigation.kalman import Predicted
-from shore.navigation.motion_model import Gaussian, ImuInput, ProcessNoise
+from shore.navigation.motion_model import ImuInput, ProcessNoise
+from shore.navigation.state_space import Gaussian
 from shore.navigation.ukf import predict_unscented
 from shore.pipeline import Pipeline
 from shore.replay.smooth import COLUMNS, smooth_log, write_track

@@ -7,11 +7,11 @@ import numpy as np
 
 from common.units import NS_PER_S
 from shore.navigation.measurements import Lever, Position, PseudoPart, PseudoScalar
-from shore.navigation.motion_model import EAST, HEADING, NORTH, V_EAST, V_NORTH, StateSpace
 from shore.navigation.numbers import Array, part
+from shore.navigation.state_space import EAST, HEADING, NORTH, V_EAST, V_NORTH, StateSpace
 from shore.navigation.trust.axes import surprised
 from shore.navigation.trust.marks import FixMark, HeadingBlock, onward
-from shore.navigation.trust.memory import Engine, Handling, Regard, error_places, heading_places, put, renew, white_of
+from shore.navigation.trust.memory import Engine, Regard, Vessel, error_places, heading_places, put, renew, white_of
 from shore.navigation.trust.receiver import (
     SHARE_OF_SPEED,
     SLOW_M_S,
@@ -62,7 +62,7 @@ class Velocity(NamedTuple):
         return PseudoScalar(x, ((V_NORTH, 1.0),), self.north_m_s - part(x, V_NORTH), self.variance)
 
 
-def fuse_fix(boat: Handling, engine: Engine, fix: Position) -> None:
+def fuse_fix(boat: Vessel, engine: Engine, fix: Position) -> None:
     """Fuse a fix and its velocity, and judge the sensors by it."""
     name = fix.sensor
     receiver = _announced(engine, engine.trust.receivers.get(name) or Receiver(), fix)
@@ -116,7 +116,9 @@ def _announced(engine: Engine, receiver: Receiver, fix: Position) -> Receiver:
     if receiver.quality != fix.quality and receiver.newest is not None:
         receiver = _other_quality(engine, receiver, fix)
     receiver = receiver._replace(quality=fix.quality, claimed_m=fix.claimed_m or UNCLAIMED_M)
-    if receiver.is_broken_by(fix):
+    is_broken, last = receiver.is_broken_by(fix), receiver.newest
+    receiver = receiver._replace(interval_ns=fix.t_ns - last.t_ns if last is not None else receiver.interval_ns)
+    if is_broken:
         receiver = receiver._replace(marks=(), newest=None)
     return _with_lasting(engine, fix.sensor, receiver)
 
@@ -177,7 +179,7 @@ def fuse_velocity(engine: Engine, receiver: Receiver, previous: FixMark | None, 
     engine.fuse_known(Velocity(east, north, sigma2 * max(1.0, rate_hz * VELOCITY_LASTS_S)), has_tail=True)
 
 
-def from_fixes(boat: Handling, engine: Engine, name: str) -> None:
+def from_fixes(boat: Vessel, engine: Engine, name: str) -> None:
     """Position, velocity and lasting error begin again from the fixes: the velocity was wrong."""
     space, x, _ = engine.gaussian
     receiver = engine.trust.receivers[name]

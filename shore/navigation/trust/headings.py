@@ -7,8 +7,8 @@ import numpy as np
 
 from common.units import NS_PER_S
 from shore.navigation.measurements import TrueHeading
-from shore.navigation.trust.marks import Turned, onward
-from shore.navigation.trust.memory import Engine, Handling, Regard, compass_places, to_prior
+from shore.navigation.trust.marks import RunningSums, Turned, onward
+from shore.navigation.trust.memory import Engine, Regard, Vessel, compass_places, to_prior
 from shore.navigation.trust.turns import LONGEST_NS, RETURN_DEG, RETURN_NS
 
 LASTS_S: Final = 0.2
@@ -17,19 +17,21 @@ LATE_S: Final = 0.1
 """Doubt of a compass' time, s."""
 STEADY_RAD_S: Final = math.radians(1.0)
 """A boat that turns by less goes straight."""
+SMOOTH_S: Final = 0.3
+"""Compass less gyro is a mean over this time for the witnesses of a turn, s."""
 GATE2: Final = 16.0
 """Square of the sigmas beyond which a reading is a jump."""
 TURN_S: Final = 1.0
 """Without gyro, the yaw rate is the change of a compass over about this time."""
 
 
-def fuse_heading(boat: Handling, engine: Engine, reading: TrueHeading) -> None:
+def fuse_heading(boat: Vessel, engine: Engine, reading: TrueHeading) -> None:
     """Fuse a reading of a compass, unless the compass is set aside."""
     trust, space = engine.trust, engine.gaussian.space
     name = reading.sensor
     old = trust.compasses.get(name)
     shown = onward(old.heading_rad if old else None, float(reading.heading_rad))
-    turned = Turned(shown, trust.tally.turned_rad, trust.tally.covered_s, reading.t_ns)
+    turned = _turned(trust.tally, old, shown, reading.t_ns)
     rate_hz = NS_PER_S / max(reading.t_ns - old.t_ns, NS_PER_S // 50) if old else 1.0
     trust = trust._replace(compasses={**trust.compasses, name: turned})
     engine.remember(trust)
@@ -53,6 +55,15 @@ def fuse_heading(boat: Handling, engine: Engine, reading: TrueHeading) -> None:
     if has_gyro and errors and not trust.is_provisional:
         _open_to_jump(engine, reading, regard)
     engine.fuse_parts(reading, [regard])
+
+
+def _turned(tally: RunningSums, old: Turned | None, shown_rad: float, t_ns: int) -> Turned:
+    """What a compass has turned up to a reading."""
+    apart_rad = shown_rad - tally.turned_rad
+    if old is not None:
+        kept = math.exp(-(t_ns - old.t_ns) / NS_PER_S / SMOOTH_S)
+        apart_rad += kept * (old.apart_rad - apart_rad)
+    return Turned(shown_rad, tally.turned_rad, tally.covered_s, t_ns, apart_rad)
 
 
 def _open_to_jump(engine: Engine, reading: TrueHeading, regard: Regard) -> None:

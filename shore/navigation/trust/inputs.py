@@ -4,21 +4,13 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from shore.navigation.motion_model import (
-    FREE_NOISE,
-    HEADING,
-    Gaussian,
-    ImuInput,
-    InUse,
-    ProcessNoise,
-    StateSpace,
-    lift_of,
-    through_water,
-)
+from shore.navigation.motion_model import FREE_NOISE, ImuInput, InUse, ProcessNoise, speed_ahead
 from shore.navigation.numbers import Array, Number
+from shore.navigation.state_space import HEADING, Gaussian, StateSpace
+from shore.navigation.tilt_leak import lift
 from shore.navigation.trust.axes import density_of
 from shore.navigation.trust.marks import RunningSums
-from shore.navigation.trust.memory import Engine, Handling, Trust, error_places
+from shore.navigation.trust.memory import Engine, Trust, Vessel, error_places
 
 HEELED: Final = 0.3
 """Noise density of the starboard axis in a turn, over speed x yaw rate: a hull heels."""
@@ -39,8 +31,7 @@ def drives(
     forward, starboard = trust.axes
     free_fwd, free_stb = math.sqrt(forward.free_density2), math.sqrt(starboard.free_density2)
     rate = trust.way.turn_rad_s
-    (ahead, _), _ = through_water(state.space, state.x)
-    heel = HEELED * abs(float(ahead) * rate)
+    heel = HEELED * abs(float(speed_ahead(state.space, state.x)) * rate)
     free_turn = math.hypot(float(FREE_NOISE.yaw_rate), FREE_TURN * rate)
     if imu is None:
         return None, ProcessNoise(free_fwd, math.hypot(free_stb, heel), free_turn, lasting)
@@ -76,7 +67,7 @@ def _lasting(space: StateSpace, trust: Trust) -> Mapping[int, float]:
     }
 
 
-def passed(boat: Handling, engine: Engine, before: Gaussian, dt_s: float, imu: ImuInput | None) -> None:
+def passed(boat: Vessel, engine: Engine, before: Gaussian, dt_s: float, imu: ImuInput | None) -> None:
     """A prediction was made from `before`; `imu` is what was measured, in use or not."""
     trust, x = engine.trust, engine.gaussian.x
     tally = trust.tally
@@ -107,11 +98,12 @@ def _counted(
         yaw_rate -= float(before_x[gyro])
     if fwd_bias is not None:
         fwd -= float(before_x[fwd_bias])
-    if leak is not None:
-        fwd -= float(before_x[leak]) * float(lift_of(space, before_x))
-    if heel is not None:
-        (ahead, _), _ = through_water(space, before_x)
-        stb -= float(before_x[heel]) * float(ahead) * yaw_rate
+    if leak is not None or heel is not None:
+        ahead = float(speed_ahead(space, before_x))
+        if leak is not None:
+            fwd -= float(before_x[leak]) * float(lift(ahead))
+        if heel is not None:
+            stb -= float(before_x[heel]) * ahead * yaw_rate
     if stb_bias is not None:
         stb -= float(before_x[stb_bias])
     middle = float(before_x[HEADING]) + 0.5 * math.remainder(float(after[HEADING] - before_x[HEADING]), math.tau)

@@ -16,7 +16,7 @@ SPACING_NS: Final = NS_PER_S * 9 // 10
 LONGEST_NS: Final = 125 * NS_PER_S
 """The ring covers this time."""
 LONGEST_GAP_NS: Final = 3 * NS_PER_S
-"""After a longer silence the ring begins again: nobody knows which way the boat went."""
+"""After a longer silence of a receiver of 1 Hz or more the ring begins again: nobody knows which way the boat went."""
 SLACK: Final = 0.15
 """A window may be longer or shorter than asked by this share, plus half the spacing."""
 
@@ -49,6 +49,13 @@ class Turned(NamedTuple):
     """For how long yaw rates had been measured by then, as in `RunningSums`."""
     t_ns: int
     """Boat time of the reading, ns."""
+    apart_rad: float
+    """What it showed more than the gyro, as a mean over a few readings: the noise of one reading is no turn."""
+
+    @property
+    def turned_rad(self) -> float:
+        """How far it has turned, with the noise of a few readings."""
+        return self.by_gyro_rad + self.apart_rad
 
 
 class HeadingBlock(NamedTuple):

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from shore.navigation.measurements import Lever, Measurement
-from shore.navigation.motion_model import HEADING, Gaussian, StateSpace
 from shore.navigation.noise.own_scatter import PRIOR_WEIGHT
 from shore.navigation.numbers import Array
+from shore.navigation.state_space import HEADING, Gaussian, StateSpace
 from shore.navigation.trust.axes import Axes, Axis
 from shore.navigation.trust.marks import RunningSums, Turned
 from shore.navigation.trust.receiver import Receiver
 from shore.navigation.trust.turns import Turns
 
 
-class Handling(NamedTuple):
+class Vessel(NamedTuple):
     """What the rules must know of the boat."""
 
     leeway_m_s: float

@@ -5,11 +5,11 @@ from typing import Final
 import numpy as np
 
 from common.units import NS_PER_S
-from shore.navigation.motion_model import HEADING
 from shore.navigation.noise.own_scatter import PRIOR_WEIGHT
 from shore.navigation.numbers import wrapped
+from shore.navigation.state_space import HEADING
 from shore.navigation.trust.fixes import from_fixes, fuse_velocity
-from shore.navigation.trust.memory import Engine, Handling, compass_sigma, correlate
+from shore.navigation.trust.memory import Engine, Vessel, compass_sigma, correlate
 
 RIPE: Final = PRIOR_WEIGHT + 5.5
 """Weight of a scatter after six differences: from then on the noise of a sensor is known."""
@@ -17,7 +17,7 @@ LONGEST_NS: Final = 10 * NS_PER_S
 """A start waits no longer for the noise of its sensors."""
 
 
-def start_again_when_due(boat: Handling, engine: Engine, gps: str) -> None:
+def start_again_when_due(boat: Vessel, engine: Engine, gps: str) -> None:
     """After a fix of a receiver: start once more if the noise is known, or has been waited for long enough."""
     trust = engine.trust
     if not trust.is_provisional:

@@ -46,6 +46,11 @@ LEAST_LATENCY_S: Final = 0.15
 """A smaller latency counts as none: it would only spoil a good receiver."""
 
 
+MOST_LATENCY_S: Final = 2.0
+LONGEST_GAP_INTERVALS: Final = 2.5
+"""A silence of so many usual intervals is a gap."""
+
+
 class Receiver(NamedTuple):
     """What is remembered of one receiver; immutable."""
 
@@ -59,6 +64,8 @@ class Receiver(NamedTuple):
     marks: tuple[FixMark, ...] = ()
     newest: FixMark | None = None
     """The newest fix, be it a mark or not."""
+    interval_ns: int = 0
+    """Time from the fix before the newest one to that, ns."""
     repeated: int = 0
     """How many fixes in a row had the same velocity as the one before."""
     wrong_since_ns: int | None = None
@@ -78,7 +85,7 @@ class Receiver(NamedTuple):
         product, square = self.latency_sums
         # successive windows share their fixes
         found = product / (square + LATENCY_WINDOW_S / LATENCY_SIGMA_S**2)
-        return found if abs(found) >= LEAST_LATENCY_S else 0.0
+        return math.copysign(min(abs(found), MOST_LATENCY_S), found) if abs(found) >= LEAST_LATENCY_S else 0.0
 
     @property
     def latency_sigma_s(self) -> float:
@@ -141,7 +148,8 @@ class Receiver(NamedTuple):
         last = self.newest
         if last is None:
             return False
-        return fix.t_ns - last.t_ns > LONGEST_GAP_NS or (fix.velocity_m_s is None) != (last.velocity_m_s is None)
+        longest_ns = max(LONGEST_GAP_NS, LONGEST_GAP_INTERVALS * self.interval_ns)
+        return fix.t_ns - last.t_ns > longest_ns or (fix.velocity_m_s is None) != (last.velocity_m_s is None)
 
 
 class Window(NamedTuple):

@@ -6,7 +6,7 @@ gyro the heading is a little worse, without compass it is lost. Anything less is
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from common.units import NS_PER_S
@@ -23,7 +23,8 @@ DEVIATION_SLOPE: Final = 0.38
 CLEARER_DEG: Final = 5.0
 """The witness must be nearer to one of the two by this much."""
 WITNESS_SIGMAS: Final = 1.5
-OPPOSITE_DEG: Final = 15.0
+OPPOSITE_DEG: Final = 25.0
+"""Turns to opposite sides speak against the gyro from here on: no disturbance of less than twice this feigns it."""
 ALONE_DEG: Final = 60.0
 """From this turn on, a compass is believed against the gyro without witness: far above magnetic disturbances."""
 BACK_DEG: Final = 20.0
@@ -37,6 +38,10 @@ LONGEST_NS: Final = 120 * NS_PER_S
 """After this time a compass is taken back whatever it shows: its errors are unknown again then."""
 MOST_WANDER_DEG: Final = 1.0
 """What the gyro does not explain excuses it up to this density, deg/sqrt(s): more is a fault."""
+LARGEST_WANDER_DEG_S: Final = 2.0
+"""A window counts for no more than a gyro that is off by this, deg/s: a compass that jumps is no gyro that wanders."""
+SUSPECT_NS: Final = 4 * NS_PER_S
+"""A compass must be contradicted at two marks within this time: the noise of a reading is gone at the next one."""
 MEMORY_S: Final = 30.0
 """What the gyro does not explain is remembered for this time."""
 RESUME_S: Final = 6.0
@@ -61,6 +66,8 @@ class Turns(NamedTuple):
     """Compasses that are set aside and agree with the heading, and since when."""
     judged_from_ns: int = 0
     """Windows that begin earlier are not judged."""
+    suspects: Mapping[str, int] = {}
+    """Compasses that the witnesses have contradicted, and the boat time of the last time, ns."""
     unexplained: tuple[float, ...] = (0.0, 0.0)
     """Fading mean of what the gyro does not explain of the compasses' turns, for the two shortest windows, rad^2/s."""
 
@@ -68,6 +75,11 @@ class Turns(NamedTuple):
     def density2(self) -> float:
         """Square of the density of the gyro's noise that the compasses ask for, rad^2/s."""
         return min(max(0.0, *self.unexplained), float(FREE_NOISE.yaw_rate) ** 2)
+
+    @property
+    def wander2(self) -> float:
+        """Square of the density up to which the gyro is excused: all windows show it, so it is no single jump."""
+        return min(max(0.0, min(self.unexplained)), math.radians(MOST_WANDER_DEG) ** 2)
 
 
 class Found(NamedTuple):
@@ -94,70 +106,80 @@ class Witnesses(NamedTuple):
     """1-sigma of a course over ground at the present speed; `None` = too slow."""
 
 
+class _Seen(NamedTuple):
+    """A window of one compass."""
+
+    name: str
+    then: FixMark
+    compass_rad: float
+    gyro_rad: float
+    seconds: float
+
+
 def looked_at(turns: Turns, marks: tuple[FixMark, ...], now: FixMark, noise: Witnesses) -> Found:
     """The verdict after a mark."""
     turns = turns._replace(unexplained=_unexplained(turns, marks, now, noise))
-    doubts: dict[str, float] = {}
-    agreed, is_contrary = False, False
-    for name in now.turns:
-        if name in turns.wrong_since_ns:
-            continue
-        for seconds in WINDOWS_S:
-            then = before(marks, now.t_ns, seconds)
-            if then is None or then.t_ns < turns.judged_from_ns or name not in then.turns:
-                continue
-            seen = _window(name, then, now)
-            if seen is None:
-                continue
-            compass, gyro, T = seen
-            most = max(abs(compass), abs(gyro))
-            if most > math.radians(BACK_DEG):
-                is_alike = abs(compass - gyro) <= BACK_SHARE * most
-                agreed, is_contrary = agreed or is_alike, is_contrary or not is_alike
-            if turns.gyro_wrong_since_ns is not None:
-                continue
-            allowed = (
-                math.radians(DIFFER_DEG)
-                + 2.0 * math.sqrt(2.0) * noise.compass_rad.get(name, 0.0)
-                + (2.0 * noise.gyro_bias_rad_s + math.radians(GYRO_DOUBT_DEG_S)) * T
-                + 2.0 * math.sqrt(min(turns.density2, math.radians(MOST_WANDER_DEG) ** 2) * T)
-            )
-            # of a healthy gyro's turn a deviation shows so much more or less
-            over = abs(compass - gyro) - allowed
-            if over <= DEVIATION_SLOPE * abs(gyro):
-                continue
-            witnesses = _witnesses(name, turns, then, now, noise)
-            verdict = _verdict(compass, gyro, witnesses)
-            if verdict != "compass" and over <= DEVIATION_SLOPE * abs(compass):
-                continue
-            if verdict == "compass":
-                off = turns._replace(wrong_since_ns={**turns.wrong_since_ns, name: now.t_ns}, judged_from_ns=now.t_ns)
-                start, (_, turned, _) = _before_fault(name, marks, now, turns) or (then, seen)
-                return Found(off, compass_wrong=(name, start), turned_rad=turned)
-            if verdict == "gyro":
-                off = turns._replace(gyro_wrong_since_ns=now.t_ns, gyro_agreed=0, judged_from_ns=now.t_ns)
-                start, (turned, _, _) = _before_fault(name, marks, now, turns) or (then, seen)
-                return Found(off, gyro_wrong=start, turned_rad=turned)
-            doubts[name] = max(doubts.get(name, 0.0), DOUBT_SHARE * (compass - gyro) ** 2)
+    windows = list(_windows(turns, marks, now))
+    alike = {
+        abs(each.compass_rad - each.gyro_rad) <= BACK_SHARE * most
+        for each in windows
+        if (most := max(abs(each.compass_rad), abs(each.gyro_rad))) > math.radians(BACK_DEG)
+    }
     if turns.gyro_wrong_since_ns is not None:
-        count = 0 if is_contrary else turns.gyro_agreed + agreed
-        if count >= BACK_COUNT:
-            return Found(turns._replace(gyro_wrong_since_ns=None, gyro_agreed=0, judged_from_ns=now.t_ns))
-        turns = turns._replace(gyro_agreed=count)
-    elif agreed and not is_contrary:
-        turns = turns._replace(gyro_proven=True)
-    return Found(turns, doubts=doubts)
+        return Found(_gyro_heard(turns, alike, now.t_ns))
+    doubts: dict[str, float] = {}
+    suspects = dict(turns.suspects)
+    for each in windows:
+        name, verdict = each.name, _verdict(turns, each, now, noise)
+        if verdict == "gyro":
+            off = turns._replace(gyro_wrong_since_ns=now.t_ns, gyro_agreed=0, judged_from_ns=now.t_ns)
+            start = _before_fault(each, marks, now, turns)
+            return Found(off, gyro_wrong=start.then, turned_rad=start.compass_rad)
+        if verdict == "compass":
+            before_ns = turns.suspects.get(name)
+            suspects[name] = now.t_ns
+            if before_ns is not None and now.t_ns - before_ns <= SUSPECT_NS:
+                wrong = {**turns.wrong_since_ns, name: now.t_ns}
+                start = _before_fault(each, marks, now, turns)
+                off = turns._replace(wrong_since_ns=wrong, judged_from_ns=now.t_ns, suspects={})
+                return Found(off, compass_wrong=(name, start.then), turned_rad=start.gyro_rad)
+        if verdict is not None:
+            doubts[name] = max(doubts.get(name, 0.0), DOUBT_SHARE * (each.compass_rad - each.gyro_rad) ** 2)
+    is_proven = turns.gyro_proven or alike == {True}
+    return Found(turns._replace(gyro_proven=is_proven, suspects=suspects), doubts=doubts)
 
 
-def _before_fault(
-    name: str, marks: tuple[FixMark, ...], now: FixMark, turns: Turns
-) -> tuple[FixMark, tuple[float, float, float]] | None:
-    """A mark from before what a short window shows began to spoil the heading, and its window."""
-    then = before(marks, now.t_ns, RESUME_S)
+def _windows(turns: Turns, marks: tuple[FixMark, ...], now: FixMark) -> Iterator[_Seen]:
+    """All windows of the compasses in use that may be judged, the shortest of each first."""
+    for name in now.turns:
+        if name not in turns.wrong_since_ns:
+            found = (_window(name, turns, marks, now, seconds) for seconds in WINDOWS_S)
+            yield from (each for each in found if each is not None)
+
+
+def _window(name: str, turns: Turns, marks: tuple[FixMark, ...], now: FixMark, seconds: float) -> _Seen | None:
+    """One window of one compass; `None` = there is none, or yaw rates do not cover it."""
+    then = before(marks, now.t_ns, seconds)
     if then is None or then.t_ns < turns.judged_from_ns or name not in then.turns:
         return None
-    seen = _window(name, then, now)
-    return None if seen is None else (then, seen)
+    first, last = then.turns[name], now.turns[name]
+    T = (last.t_ns - first.t_ns) / NS_PER_S
+    if T <= 0.0 or last.covered_s - first.covered_s < LEAST_COVERED * T:
+        return None
+    return _Seen(name, then, last.turned_rad - first.turned_rad, last.by_gyro_rad - first.by_gyro_rad, T)
+
+
+def _gyro_heard(turns: Turns, alike: set[bool], t_ns: int) -> Turns:
+    """A gyro that is set aside is taken back once it has shown enough turns as the compasses did."""
+    count = 0 if False in alike else turns.gyro_agreed + len(alike)
+    if count >= BACK_COUNT:
+        return turns._replace(gyro_wrong_since_ns=None, gyro_agreed=0, judged_from_ns=t_ns)
+    return turns._replace(gyro_agreed=count)
+
+
+def _before_fault(seen: _Seen, marks: tuple[FixMark, ...], now: FixMark, turns: Turns) -> _Seen:
+    """A window from before what a short one shows began to spoil the heading; else that one."""
+    return _window(seen.name, turns, marks, now, RESUME_S) or seen
 
 
 def _unexplained(turns: Turns, marks: tuple[FixMark, ...], now: FixMark, noise: Witnesses) -> tuple[float, ...]:
@@ -168,25 +190,18 @@ def _unexplained(turns: Turns, marks: tuple[FixMark, ...], now: FixMark, noise: 
     share = min(1.0, (now.t_ns - marks[-1].t_ns) / NS_PER_S / MEMORY_S)
     means = list(turns.unexplained)
     for i, seconds in enumerate(WINDOWS_S[:2]):
-        then = before(marks, now.t_ns, seconds)
-        seen = _window(name, then, now) if then is not None and name in then.turns else None
+        seen = _window(name, turns, marks, now, seconds)
         if seen is not None:
-            compass, gyro, T = seen
+            # of single readings, whose noise is known
+            compass = now.turns[name].heading_rad - seen.then.turns[name].heading_rad
+            gyro, T = seen.gyro_rad, seen.seconds
             left = max(0.0, abs(compass - gyro) - DEVIATION_SLOPE * max(abs(compass), abs(gyro)))
+            left = min(left, math.radians(LARGEST_WANDER_DEG_S) * T)
             # the mean of so few windows is unsure: by that much the noise of the compass is not taken for the gyro's
             counted = 1.0 + 2.0 * math.sqrt(2.0 * T / MEMORY_S)
             square = left**2 - counted * 2.0 * noise.compass_rad.get(name, 0.0) ** 2
             means[i] += share * (square / T - means[i])
     return tuple(means)
-
-
-def _window(name: str, then: FixMark, now: FixMark) -> tuple[float, float, float] | None:
-    """Turn by the compass, turn by the gyro, and the time between the compass' readings; `None` = not covered."""
-    first, last = then.turns[name], now.turns[name]
-    T = (last.t_ns - first.t_ns) / NS_PER_S
-    if T <= 0.0 or last.covered_s - first.covered_s < LEAST_COVERED * T:
-        return None
-    return last.heading_rad - first.heading_rad, last.by_gyro_rad - first.by_gyro_rad, T
 
 
 def _witnesses(name: str, turns: Turns, then: FixMark, now: FixMark, noise: Witnesses) -> list[tuple[float, float]]:
@@ -196,20 +211,35 @@ def _witnesses(name: str, turns: Turns, then: FixMark, now: FixMark, noise: Witn
         found.append((now.course_rad - then.course_rad, noise.course_rad))
     for other, last in now.turns.items():
         if other != name and other not in turns.wrong_since_ns and other in then.turns:
-            found.append((last.heading_rad - then.turns[other].heading_rad, noise.compass_rad.get(other, 0.0)))
+            found.append((last.turned_rad - then.turns[other].turned_rad, noise.compass_rad.get(other, 0.0)))
     return found
 
 
-def _verdict(compass: float, gyro: float, witnesses: Sequence[tuple[float, float]]) -> str | None:
-    """Who is wrong: "compass", "gyro" or nobody can say."""
+def _verdict(turns: Turns, seen: _Seen, now: FixMark, noise: Witnesses) -> str | None:
+    """Who is wrong in a window: "compass", "gyro", "either" = nobody can say; `None` = they agree."""
+    _, then, compass, gyro, T = seen
+    allowed = (
+        math.radians(DIFFER_DEG)
+        + 2.0 * math.sqrt(2.0) * noise.compass_rad.get(seen.name, 0.0)
+        + (2.0 * noise.gyro_bias_rad_s + math.radians(GYRO_DOUBT_DEG_S)) * T
+        + 2.0 * math.sqrt(turns.wander2 * T)
+    )
+    over = abs(compass - gyro) - allowed
+    # of a healthy gyro's turn a deviation shows so much more or less
+    if over <= DEVIATION_SLOPE * abs(gyro):
+        return None
+    wrong = _contradicted(compass, gyro, _witnesses(seen.name, turns, then, now, noise))
+    return None if wrong != "compass" and over <= DEVIATION_SLOPE * abs(compass) else wrong
+
+
+def _contradicted(compass: float, gyro: float, witnesses: Sequence[tuple[float, float]]) -> str:
+    """Which of two turns, rad, the others contradict; witnesses: turn and 1-sigma of each."""
     margin = math.radians(CLEARER_DEG)
     for_compass = any(abs(w - compass) + margin + WITNESS_SIGMAS * s < abs(w - gyro) for w, s in witnesses)
     for_gyro = any(abs(w - gyro) + margin + WITNESS_SIGMAS * s < abs(w - compass) for w, s in witnesses)
     if for_compass != for_gyro:
         return "gyro" if for_compass else "compass"
     least, most = sorted((abs(compass), abs(gyro)))
-    if compass * gyro < 0.0 and least > math.radians(OPPOSITE_DEG):
-        return "gyro"
-    if not witnesses and most > math.radians(ALONE_DEG):
-        return "gyro"
-    return None
+    is_opposite = compass * gyro < 0.0 and least > math.radians(OPPOSITE_DEG)
+    is_missed = not witnesses and most > math.radians(ALONE_DEG)
+    return "gyro" if is_opposite or is_missed else "either"

@@ -5,14 +5,14 @@ import math
 import numpy as np
 
 from common.units import NS_PER_S
-from shore.navigation.motion_model import HEADING
 from shore.navigation.numbers import wrapped
+from shore.navigation.state_space import HEADING
 from shore.navigation.trust.axes import judged
 from shore.navigation.trust.marks import FixMark, append
 from shore.navigation.trust.memory import (
     Engine,
-    Handling,
     Trust,
+    Vessel,
     compass_places,
     compass_sigma,
     correlate,
@@ -25,7 +25,7 @@ from shore.navigation.trust.turns import COURSE_FROM_M_S, LARGEST_COURSE_SIGMA_R
 from shore.navigation.trust.water import heading_from_course
 
 
-def after_mark(boat: Handling, engine: Engine, name: str, now: FixMark, white: float) -> None:
+def after_mark(boat: Vessel, engine: Engine, name: str, now: FixMark, white: float) -> None:
     """Once a second: axes, turns, latency; by the first receiver that delivers."""
     receiver = engine.trust.receivers[name]
     marks = append(receiver.marks, now)

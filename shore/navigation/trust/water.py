@@ -5,9 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from shore.navigation.motion_model import HEADING, V_EAST, V_NORTH, through_water
+from shore.navigation.motion_model import speed_ahead
 from shore.navigation.sailing import Sailing
-from shore.navigation.trust.memory import Engine, Handling
+from shore.navigation.state_space import HEADING, V_EAST, V_NORTH
+from shore.navigation.trust.memory import Engine, Vessel
 from shore.navigation.trust.turns import COURSE_FROM_M_S
 
 DOUBTFUL_RAD: Final = math.radians(45.0)
@@ -28,7 +29,7 @@ COURSE_DOUBT_RAD: Final = 0.15
 """Doubt of a heading that is taken from the course, beside the current's: leeway, a boat that sheers."""
 
 
-def known_water(boat: Handling, engine: Engine, dt_s: float) -> None:
+def known_water(boat: Vessel, engine: Engine, dt_s: float) -> None:
     """No speed athwart through the water, and the way that the thrust keeps up."""
     trust, (space, x, P) = engine.trust, engine.gaussian
     way = trust.way._replace(pending_s=0.0)
@@ -36,8 +37,7 @@ def known_water(boat: Handling, engine: Engine, dt_s: float) -> None:
     if boat.leeway_m_s <= 0.0 or doubt > DOUBTFUL_RAD**2 or trust.is_provisional:
         engine.remember(trust._replace(way=way))
         return
-    (ahead, _), _ = through_water(space, x)
-    speed = float(ahead)
+    speed = float(speed_ahead(space, x))
     place = space.index("way_m_s")
     if place is not None and way.quiet_s < QUIET_S:
         share = min(1.0, dt_s / WAY_MEMORY_S)
@@ -52,7 +52,7 @@ def known_water(boat: Handling, engine: Engine, dt_s: float) -> None:
     engine.fuse_known(Sailing(athwart, along))
 
 
-def heading_from_course(boat: Handling, engine: Engine) -> None:
+def heading_from_course(boat: Vessel, engine: Engine) -> None:
     """Without a known heading the boat goes where its bow points, less the current."""
     space, x, P = engine.gaussian
     trust = engine.trust
