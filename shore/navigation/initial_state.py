@@ -11,7 +11,7 @@ from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.motion_model import FREE_NOISE, ImuInput, body_to_plane
 from shore.navigation.numbers import Array, Number, sin_cos
 from shore.navigation.sensor_facts import FilterFacts
-from shore.navigation.state_space import EAST, HEADING, NORTH
+from shore.navigation.state_space import EAST, HEADING, NORTH, StateSpace
 
 UNKNOWN_HEADING_RAD: Final = math.pi / math.sqrt(3.0)
 """1-sigma of a heading of which nothing is known: all directions are alike."""
@@ -63,9 +63,8 @@ def first_state(
 def _heading_of(t_ns: int, heading: FirstHeading, facts: FilterFacts) -> tuple[Number, float]:
     """The first heading and its variance at `t_ns`: since it was measured it is a random walk."""
     age_s = (t_ns - heading.t_ns) / NS_PER_S
-    return heading.heading_rad, facts.channels[heading.channel].initial_variance + float(
-        FREE_NOISE.yaw_rate
-    ) ** 2 * age_s
+    wandered = float(FREE_NOISE.yaw_rate) ** 2 * age_s
+    return heading.heading_rad, facts.channels[heading.channel].initial_variance + wandered
 
 
 def first_of(
@@ -79,20 +78,25 @@ def first_of(
     space = facts.space
     x = np.array([*base, *[0.0] * len(space.extras)])
     P = np.diag(np.array([*base_variances, *(extra.sigma**2 for extra in space.extras)]))
-    sin, cos = sin_cos(base[HEADING])
-    shown = (
-        (EAST, f"{gps}_error_east_m", 1.0),
-        (NORTH, f"{gps}_error_north_m", 1.0),
-        (HEADING, f"{compass}_bias_rad", 1.0),
-        (HEADING, f"{compass}_sin_rad", sin),
-        (HEADING, f"{compass}_cos_rad", cos),
-    )
-    for place, name, slope in shown:  # what was shown is state + slope x error
-        error = space.index(name)
-        if error is not None:
-            P[place, place] += slope * slope * P[error, error]
-            P[place, error] = P[error, place] = -slope * P[error, error]
+    for place, axis in ((EAST, "east"), (NORTH, "north")):
+        _wrong_together(space, P, place, f"{gps}_error_{axis}_m", 1.0)
+    wrong_with_compass(space, P, compass, base[HEADING])
     return x, P
+
+
+def wrong_with_compass(space: StateSpace, P: Array, compass: str, heading_rad: Number) -> None:
+    """Make P (n, n) that of a heading that a compass has shown: both are wrong together."""
+    sin, cos = sin_cos(heading_rad)
+    for kind, slope in (("bias", 1.0), ("sin", sin), ("cos", cos)):
+        _wrong_together(space, P, HEADING, f"{compass}_{kind}_rad", slope)
+
+
+def _wrong_together(space: StateSpace, P: Array, place: int, name: str, slope: Number) -> None:
+    """What was shown of a state is state + slope x the error of that name, where that is a state too."""
+    error = space.index(name)
+    if error is not None:
+        P[place, place] += slope * slope * P[error, error]
+        P[place, error] = P[error, place] = -slope * P[error, error]
 
 
 def _from_antenna(x: Array, P: Array, lever: tuple[float, float]) -> tuple[Array, Array]:

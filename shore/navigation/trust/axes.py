@@ -12,7 +12,8 @@ import numpy as np
 
 from common.units import NS_PER_S
 from shore.navigation.motion_model import FREE_ACCEL_DENSITY
-from shore.navigation.trust.marks import SPACING_NS, FixMark, before, body
+from shore.navigation.noise.own_scatter import SPACING_NS
+from shore.navigation.trust.marks import FixMark, before, body
 
 WINDOWS_S: Final = (1.0, 4.0)
 BEND_S: Final = 8.0

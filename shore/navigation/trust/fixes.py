@@ -6,7 +6,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from common.units import NS_PER_S
-from shore.navigation.measurements import Lever, Position, PseudoPart, PseudoScalar
+from shore.navigation.initial_state import UNKNOWN_SPEED_M_S
+from shore.navigation.measurements import Position, PseudoPart, PseudoScalar
+from shore.navigation.motion_model import body_to_plane
+from shore.navigation.noise.own_scatter import POSITION_PRIOR
 from shore.navigation.numbers import Array, part
 from shore.navigation.state_space import EAST, HEADING, NORTH, V_EAST, V_NORTH, StateSpace
 from shore.navigation.trust.axes import surprised
@@ -22,8 +25,6 @@ from shore.navigation.trust.receiver import (
 from shore.navigation.trust.turns import COURSE_FROM_M_S
 from shore.navigation.trust.verdicts import after_mark
 
-WHITE_PRIOR: Final = 0.7**2
-"""White share of the variance that a receiver claims, before its scatter is known."""
 LEAST_LASTING: Final = 0.1**2
 """The lasting error is never held for less than this share of the variance that a receiver claims."""
 VELOCITY_LASTS_S: Final = 1.0
@@ -36,8 +37,6 @@ LONG_LINE_NS, POOR_M2 = 10 * NS_PER_S, 9.0
 """The same of fixes whose white variance is beyond this, m^2."""
 BENDS_M, BENDS_M_S = 0.3, 0.4
 """What a boat may be beside that line, m and m/s: it turns, or changes its speed."""
-UNKNOWN_SPEED_M_S: Final = 1.0
-"""1-sigma of each velocity when nothing shows it."""
 
 
 Pair = tuple[float, float]
@@ -73,7 +72,8 @@ def fuse_fix(boat: Vessel, engine: Engine, fix: Position) -> None:
     east_m, north_m = fix.east_m + late_s * float(x[V_EAST]), fix.north_m + late_s * float(x[V_NORTH])
     if not receiver.gives_velocity:
         _count_surprise(engine, fix)
-    engine.fuse_parts(fix._replace(east_m=east_m, north_m=north_m), [Regard(WHITE_PRIOR * each**2) for each in claimed])
+    regards = [Regard(POSITION_PRIOR * each**2) for each in claimed]
+    engine.fuse_parts(fix._replace(east_m=east_m, north_m=north_m), regards)
     previous = receiver.newest
     receiver = _with_lasting(engine, name, receiver.hears(fix))
     now = _mark(engine, receiver, fix)
@@ -127,7 +127,7 @@ def _other_quality(engine: Engine, receiver: Receiver, fix: Position) -> Receive
     """The receiver says that its fixes are of another quality: what was learned of them is void."""
     engine.forget(fix.sensor)
     claimed = fix.claimed_m or UNCLAIMED_M
-    lasting = tuple((1.0 - WHITE_PRIOR) * each**2 for each in claimed)
+    lasting = tuple((1.0 - POSITION_PRIOR) * each**2 for each in claimed)
     space = engine.gaussian.space
     places = [place for place in error_places(space, fix.sensor) if place is not None]
     renew(engine, places, lasting[: len(places)])
@@ -189,7 +189,7 @@ def from_fixes(boat: Vessel, engine: Engine, name: str) -> None:
     (east, north), (v_east, v_north), (variance, v_variance) = _line(receiver, now, white)
     fresh = x.copy()
     lever = boat.levers.get(name)
-    at_east, at_north = _lever_offset(lever, float(x[HEADING]))
+    at_east, at_north = body_to_plane(*(lever or (0.0, 0.0)), float(x[HEADING]))
     fresh[[EAST, NORTH, V_EAST, V_NORTH]] = east - at_east, north - at_north, v_east, v_north
     F = np.eye(space.size)
     Q = np.zeros_like(F)
@@ -229,16 +229,9 @@ def _with_lasting(engine: Engine, name: str, receiver: Receiver) -> Receiver:
     lasting = []
     for axis, claimed in zip(("east", "north"), receiver.claimed_m, strict=True):
         own = engine.scatter_of(f"{name}.{axis}")
-        white = own[0] if own is not None else WHITE_PRIOR * claimed**2
+        white = own[0] if own is not None else POSITION_PRIOR * claimed**2
         lasting.append(max(claimed**2 - white, LEAST_LASTING * claimed**2) + late_m2)
     return receiver._replace(lasting_m2=(lasting[0], lasting[1]))
-
-
-def _lever_offset(lever: Lever | None, heading_rad: float) -> tuple[float, float]:
-    if lever is None:
-        return 0.0, 0.0
-    sin, cos = math.sin(heading_rad), math.cos(heading_rad)
-    return sin * lever[0] + cos * lever[1], cos * lever[0] - sin * lever[1]
 
 
 def _course(receiver: Receiver, fix: Position) -> float | None:

@@ -9,10 +9,9 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from common.units import NS_PER_S
+from shore.navigation.noise.own_scatter import SPACING_NS
 from shore.navigation.numbers import Array, wrapped
 
-SPACING_NS: Final = NS_PER_S * 9 // 10
-"""Marks are at least this far apart, whatever the receiver's rate."""
 LONGEST_NS: Final = 125 * NS_PER_S
 """The ring covers this time."""
 LONGEST_GAP_NS: Final = 3 * NS_PER_S
@@ -88,7 +87,7 @@ class FixMark(NamedTuple):
 
 
 def append(marks: tuple[FixMark, ...], mark: FixMark) -> tuple[FixMark, ...]:
-    """The ring with one more mark, if that is far enough from the last one."""
+    """The ring with one more mark, if that is as far from the last one as readings whose scatter is counted."""
     if marks and mark.t_ns - marks[-1].t_ns < SPACING_NS:
         return marks
     first = next((i for i, old in enumerate(marks) if mark.t_ns - old.t_ns <= LONGEST_NS), len(marks))

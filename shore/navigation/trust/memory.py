@@ -179,12 +179,3 @@ def renew(engine: Engine, places: Sequence[int], variances: Sequence[float]) -> 
 def to_prior(engine: Engine, first: Gaussian, places: Sequence[int]) -> None:
     """States begin again as at the first start."""
     renew(engine, places, [float(first.P[place, place]) for place in places])
-
-
-def correlate(space: StateSpace, P: Array, compass: str, heading: float) -> None:
-    """Begin the heading with what a compass shows: the heading and the errors of the compass are wrong together."""
-    for kind, slope in (("bias", 1.0), ("sin", math.sin(heading)), ("cos", math.cos(heading))):
-        place = space.index(f"{compass}_{kind}_rad")
-        if place is not None:
-            P[HEADING, HEADING] += slope**2 * P[place, place]
-            P[HEADING, place] = P[place, HEADING] = -slope * P[place, place]

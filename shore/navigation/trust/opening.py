@@ -5,11 +5,12 @@ from typing import Final
 import numpy as np
 
 from common.units import NS_PER_S
+from shore.navigation.initial_state import wrong_with_compass
 from shore.navigation.noise.own_scatter import PRIOR_WEIGHT
 from shore.navigation.numbers import wrapped
 from shore.navigation.state_space import HEADING
 from shore.navigation.trust.fixes import from_fixes, fuse_velocity
-from shore.navigation.trust.memory import Engine, Vessel, compass_sigma, correlate
+from shore.navigation.trust.memory import Engine, Vessel, compass_sigma
 
 RIPE: Final = PRIOR_WEIGHT + 5.5
 """Weight of a scatter after six differences: from then on the noise of a sensor is known."""
@@ -39,7 +40,7 @@ def start_again_when_due(boat: Vessel, engine: Engine, gps: str) -> None:
         compass, turned = newest
         heading = float(wrapped(turned.heading_rad + trust.tally.turned_rad - turned.by_gyro_rad))
         x[HEADING], P[HEADING, HEADING] = heading, compass_sigma(engine, compass) ** 2
-        correlate(space, P, compass, heading)
+        wrong_with_compass(space, P, compass, heading)
     engine.remember(trust._replace(is_provisional=False))
     engine.recast(x, np.zeros_like(P), P)
     from_fixes(boat, engine, gps)

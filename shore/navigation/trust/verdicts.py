@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from common.units import NS_PER_S
+from shore.navigation.initial_state import wrong_with_compass
 from shore.navigation.numbers import wrapped
 from shore.navigation.state_space import HEADING
 from shore.navigation.trust.axes import judged
@@ -15,7 +16,6 @@ from shore.navigation.trust.memory import (
     Vessel,
     compass_places,
     compass_sigma,
-    correlate,
     heading_places,
     put,
     to_prior,
@@ -91,7 +91,7 @@ def _by_compass(engine: Engine, turns: Turns) -> None:
     Q[places, places] = trust.first.P.diagonal()[places]
     fresh[HEADING] = float(wrapped(newest.heading_rad))
     Q[HEADING, HEADING] = compass_sigma(engine, name) ** 2
-    correlate(space, Q, name, float(fresh[HEADING]))
+    wrong_with_compass(space, Q, name, float(fresh[HEADING]))
     engine.recast(fresh, F, Q)
 
 
