@@ -9,14 +9,12 @@ import numpy as np
 from common.units import NS_PER_S
 from shore.navigation.measurements import FirstHeading, Position
 from shore.navigation.motion_model import FREE_NOISE, ImuInput, body_to_plane
-from shore.navigation.numbers import Array, Number, sin_cos
+from shore.navigation.numbers import Array, Number
 from shore.navigation.sensor_facts import FilterFacts
-from shore.navigation.state_space import EAST, HEADING, NORTH, StateSpace
+from shore.navigation.state_space import EAST, HEADING, NORTH, UNKNOWN_SPEED_M_S, wrong_together, wrong_with_compass
 
 UNKNOWN_HEADING_RAD: Final = math.pi / math.sqrt(3.0)
 """1-sigma of a heading of which nothing is known: all directions are alike."""
-UNKNOWN_SPEED_M_S: Final = 1.0
-"""1-sigma of each velocity when the receiver gives none: together 1.4 m/s, the hull speed of a boat of 1.2 m."""
 KNOWN_SPEED_M_S: Final = 0.5
 """1-sigma of each velocity taken from SOG and COG."""
 
@@ -79,24 +77,9 @@ def first_of(
     x = np.array([*base, *[0.0] * len(space.extras)])
     P = np.diag(np.array([*base_variances, *(extra.sigma**2 for extra in space.extras)]))
     for place, axis in ((EAST, "east"), (NORTH, "north")):
-        _wrong_together(space, P, place, f"{gps}_error_{axis}_m", 1.0)
+        wrong_together(space, P, place, f"{gps}_error_{axis}_m", 1.0)
     wrong_with_compass(space, P, compass, base[HEADING])
     return x, P
-
-
-def wrong_with_compass(space: StateSpace, P: Array, compass: str, heading_rad: Number) -> None:
-    """Make P (n, n) that of a heading that a compass has shown: both are wrong together."""
-    sin, cos = sin_cos(heading_rad)
-    for kind, slope in (("bias", 1.0), ("sin", sin), ("cos", cos)):
-        _wrong_together(space, P, HEADING, f"{compass}_{kind}_rad", slope)
-
-
-def _wrong_together(space: StateSpace, P: Array, place: int, name: str, slope: Number) -> None:
-    """What was shown of a state is state + slope x the error of that name, where that is a state too."""
-    error = space.index(name)
-    if error is not None:
-        P[place, place] += slope * slope * P[error, error]
-        P[place, error] = P[error, place] = -slope * P[error, error]
 
 
 def _from_antenna(x: Array, P: Array, lever: tuple[float, float]) -> tuple[Array, Array]:

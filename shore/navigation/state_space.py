@@ -12,10 +12,13 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shore.navigation.numbers import Array
+from shore.navigation.numbers import Array, Number, sin_cos
 
 BASE_NAMES: Final = ("east_m", "north_m", "v_east_m_s", "v_north_m_s", "heading_rad")
 EAST, NORTH, V_EAST, V_NORTH, HEADING = range(len(BASE_NAMES))
+
+UNKNOWN_SPEED_M_S: Final = 1.0
+"""1-sigma of each velocity when the receiver gives none: together 1.4 m/s, the hull speed of a boat of 1.2 m."""
 
 EXTRA_NAMES: Final = (
     "gyro_bias_rad_s",
@@ -151,3 +154,18 @@ class Gaussian(NamedTuple):
     """Mean of the state, (..., n)."""
     P: Array
     """Covariance of the state, (..., n, n)."""
+
+
+def wrong_with_compass(space: StateSpace, P: Array, compass: str, heading_rad: Number) -> None:
+    """Make P (n, n) that of a heading that a compass has shown: both are wrong together."""
+    sin, cos = sin_cos(heading_rad)
+    for kind, slope in (("bias", 1.0), ("sin", sin), ("cos", cos)):
+        wrong_together(space, P, HEADING, f"{compass}_{kind}_rad", slope)
+
+
+def wrong_together(space: StateSpace, P: Array, place: int, name: str, slope: Number) -> None:
+    """What was shown of a state is state + slope x the error of that name, where that is a state too."""
+    error = space.index(name)
+    if error is not None:
+        P[place, place] += slope * slope * P[error, error]
+        P[place, error] = P[error, place] = -slope * P[error, error]

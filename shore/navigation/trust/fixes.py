@@ -6,12 +6,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from common.units import NS_PER_S
-from shore.navigation.initial_state import UNKNOWN_SPEED_M_S
 from shore.navigation.measurements import Position, PseudoPart, PseudoScalar
 from shore.navigation.motion_model import body_to_plane
 from shore.navigation.noise.own_scatter import POSITION_PRIOR
 from shore.navigation.numbers import Array, part
-from shore.navigation.state_space import EAST, HEADING, NORTH, V_EAST, V_NORTH, StateSpace
+from shore.navigation.state_space import EAST, HEADING, NORTH, UNKNOWN_SPEED_M_S, V_EAST, V_NORTH, StateSpace
 from shore.navigation.trust.axes import surprised
 from shore.navigation.trust.marks import FixMark, HeadingBlock, onward
 from shore.navigation.trust.memory import Engine, Regard, Vessel, error_places, heading_places, put, renew, white_of

@@ -5,10 +5,9 @@ from typing import Final
 import numpy as np
 
 from common.units import NS_PER_S
-from shore.navigation.initial_state import wrong_with_compass
 from shore.navigation.noise.own_scatter import PRIOR_WEIGHT
 from shore.navigation.numbers import wrapped
-from shore.navigation.state_space import HEADING
+from shore.navigation.state_space import HEADING, wrong_with_compass
 from shore.navigation.trust.fixes import from_fixes, fuse_velocity
 from shore.navigation.trust.memory import Engine, Vessel, compass_sigma
 

@@ -5,9 +5,8 @@ import math
 import numpy as np
 
 from common.units import NS_PER_S
-from shore.navigation.initial_state import wrong_with_compass
 from shore.navigation.numbers import wrapped
-from shore.navigation.state_space import HEADING
+from shore.navigation.state_space import HEADING, wrong_with_compass
 from shore.navigation.trust.axes import judged
 from shore.navigation.trust.marks import FixMark, append
 from shore.navigation.trust.memory import (
