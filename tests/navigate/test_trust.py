@@ -16,6 +16,7 @@ from shore.navigation.trust.axes import Axes, Axis, judged
 from shore.navigation.trust.marks import FixMark, HeadingBlock, RunningSums, Turned, append, before
 from shore.navigation.trust.receiver import Receiver, guarded
 from shore.navigation.trust.turns import Found, Turns, Witnesses, looked_at
+from shore.navigation.trust.waves import Waves
 
 BLOCK = HeadingBlock(np.zeros(1), np.eye(1))
 START = FixMark(0, 0.0, 0.0, (2.0, 0.0), (0.0, 0.0), 0.0, RunningSums(), {}, BLOCK)
@@ -239,3 +240,30 @@ def test_a_rate_gyro_at_rest_may_repeat_itself() -> None:
     drives, repeats = used(blocks_of([0.0] * 12), gyro)
     assert all(drives[:12])
     assert not repeats
+
+
+def in_waves(roll_deg: float, pitch_deg: float, vibration_m_s2: float = 0.0) -> tuple[float, float]:
+    """Doubt of a gyro after two minutes of waves of 0.3 Hz, and how fast it really runs away, deg/s.
+
+    Pitch and roll are a quarter of a wave apart: pitch rate x roll has a mean that lasts. The angles are amplitudes.
+    """
+    rng, waves, off = np.random.default_rng(1), Waves(), []
+    for step in range(1200):
+        phase = math.tau * 0.3 * 0.1 * step
+        roll, pitch = math.radians(roll_deg) * math.cos(phase), math.radians(pitch_deg) * math.sin(phase)
+        pitch_rate = math.tau * 0.3 * math.radians(pitch_deg) * math.cos(phase)
+        vibration = vibration_m_s2 * rng.normal(size=2)
+        waves = waves.then(0.1, (9.81 * math.sin(pitch) + vibration[0], 9.81 * math.sin(roll) + vibration[1], 0.0))
+        off.append(pitch_rate * math.sin(roll))
+    return math.degrees(waves.gyro_rad_s), math.degrees(float(np.mean(off)))
+
+
+def test_waves_excuse_a_gyro_by_about_what_they_make_of_it() -> None:
+    for roll_deg, pitch_deg in ((12.0, 5.0), (4.0, 1.7), (20.0, 8.0)):
+        doubt, off = in_waves(roll_deg, pitch_deg)
+        assert 0.8 * off < doubt < 2.0 * off, (roll_deg, doubt, off)
+
+
+def test_vibration_and_roll_alone_are_no_waves() -> None:
+    assert in_waves(0.0, 0.0, vibration_m_s2=1.0)[0] < 0.3
+    assert in_waves(15.0, 0.0)[0] < 0.01

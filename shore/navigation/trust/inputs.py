@@ -21,6 +21,8 @@ FREE_TURN: Final = 0.7
 ACCEL_HEADING_RAD: Final = math.radians(30.0)
 """Accelerations are of no use while the heading is doubtful by more."""
 SLOW_TURN_S: Final = 10.0
+WAVES_LAST_S: Final = 3.0
+"""What waves make of a gyro lasts so long: roll and pitch beat."""
 
 
 def drives(
@@ -53,7 +55,8 @@ def drives(
     if trust.turns.gyro_wrong_since_ns is not None:
         yaw_rate, turn = None, free_turn
     else:
-        turn = math.hypot(max(turn, math.sqrt(trust.turns.density2)), TURN_SHARE * rate)
+        by_waves = trust.waves.gyro_rad_s * math.sqrt(2.0 * WAVES_LAST_S)
+        turn = math.hypot(max(turn, math.sqrt(trust.turns.density2), by_waves), TURN_SHARE * rate)
     return InUse(fwd, stb, yaw_rate), ProcessNoise(accel_fwd, accel_stb, turn, lasting)
 
 
@@ -70,10 +73,11 @@ def _lasting(space: StateSpace, trust: Trust) -> Mapping[int, float]:
 def passed(boat: Vessel, engine: Engine, before: Gaussian, dt_s: float, imu: ImuInput | None) -> None:
     """A prediction was made from `before`; `imu` is what was measured, in use or not."""
     trust, x = engine.trust, engine.gaussian.x
-    tally = trust.tally
+    tally, waves = trust.tally, trust.waves
     has_gyro = boat.has_gyro and imu is not None
     if imu is not None:
         tally = _counted(tally, before, x, dt_s, imu, covered_s=dt_s if has_gyro else 0.0)
+        waves = waves.then(dt_s, imu)
     way = trust.way
     rate = tally.yaw_rate_rad_s if has_gyro and trust.turns.gyro_wrong_since_ns is None else way.turn_rad_s
     slow = way.slow_turn_rad_s + min(1.0, dt_s / SLOW_TURN_S) * (rate - way.slow_turn_rad_s)
@@ -84,7 +88,7 @@ def passed(boat: Vessel, engine: Engine, before: Gaussian, dt_s: float, imu: Imu
         turn_rad_s=rate,
         slow_turn_rad_s=slow,
     )
-    engine.remember(trust._replace(tally=tally, way=way))
+    engine.remember(trust._replace(tally=tally, way=way, waves=waves))
 
 
 def _counted(

@@ -17,6 +17,7 @@ from shore.navigation.trust.axes import Axes, Axis
 from shore.navigation.trust.marks import RunningSums, Turned
 from shore.navigation.trust.receiver import Receiver
 from shore.navigation.trust.turns import Turns
+from shore.navigation.trust.waves import Waves
 
 
 class Vessel(NamedTuple):
@@ -62,6 +63,7 @@ class Trust(NamedTuple):
     axes: Axes = (Axis(), Axis())
     turns: Turns = Turns()
     way: Way = Way()
+    waves: Waves = Waves()
 
     @property
     def verdicts(self) -> tuple[tuple[str, str, int], ...]:

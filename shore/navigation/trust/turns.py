@@ -17,6 +17,8 @@ WINDOWS_S: Final = (2.0, 6.0, 15.0, 30.0)
 GYRO_DOUBT_DEG_S: Final = 0.4
 """What a healthy gyro may be off by for a while, beside the doubt of its bias: a hull that rolls and pitches in waves
 turns about an axis that is not the vertical."""
+WAVES_LAST_S: Final = 15.0
+"""What waves make of the gyro grows for so long, then it comes back: roll and pitch beat."""
 DIFFER_DEG: Final = 6.0
 DEVIATION_SLOPE: Final = 0.38
 """A compass may show so much more or less of a turn: a deviation of 20 deg has a slope of 0.35."""
@@ -104,6 +106,8 @@ class Witnesses(NamedTuple):
     gyro_bias_rad_s: float
     course_rad: float | None
     """1-sigma of a course over ground at the present speed; `None` = too slow."""
+    waves_rad_s: float = 0.0
+    """1-sigma of what waves make of the gyro for a few seconds."""
 
 
 class _Seen(NamedTuple):
@@ -223,6 +227,7 @@ def _verdict(turns: Turns, seen: _Seen, now: FixMark, noise: Witnesses) -> str |
         + 2.0 * math.sqrt(2.0) * noise.compass_rad.get(seen.name, 0.0)
         + (2.0 * noise.gyro_bias_rad_s + math.radians(GYRO_DOUBT_DEG_S)) * T
         + 2.0 * math.sqrt(turns.wander2 * T)
+        + 2.0 * noise.waves_rad_s * min(T, WAVES_LAST_S)
     )
     over = abs(compass - gyro) - allowed
     # of a healthy gyro's turn a deviation shows so much more or less

@@ -59,7 +59,8 @@ def _judge_turns(engine: Engine, receiver: Receiver, now: FixMark) -> None:
     gyro = space.places[0]
     sigmas = {name: compass_sigma(engine, name) for name in now.turns}
     gyro_sigma = math.sqrt(float(P[gyro, gyro])) if gyro is not None else 0.0
-    found = looked_at(trust.turns, receiver.marks, now, Witnesses(sigmas, gyro_sigma, _course_sigma(receiver)))
+    noise = Witnesses(sigmas, gyro_sigma, _course_sigma(receiver), trust.waves.gyro_rad_s)
+    found = looked_at(trust.turns, receiver.marks, now, noise)
     engine.remember(trust._replace(turns=found.turns))
     for name, doubt in found.doubts.items():
         Q = np.zeros((space.size, space.size))
