@@ -13,7 +13,7 @@ from benchmarks.stress_world import Boat, Fault, lasting_error
 from common.angles import wrap_deg
 from common.framer import Framer, Identity, ImuSample, Measurement, Utc
 from common.geodesy import LocalPlane
-from common.messages import Fix, Frame, Heading
+from common.messages import Attitude, Fix, Frame, Heading
 from common.simulation.motion import Array, grid
 from common.simulation.sensor_errors import Drift, drift_path
 from common.simulation.specific_force import body_motion_3d
@@ -22,7 +22,7 @@ from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S, NS_PER_US
 
 PLANE: Final = LocalPlane(45.0, -30.0)
 """The plane of the truth."""
-GPS, VELOCITY, COMPASS, IMU = 3, 4, 5, 6
+GPS, VELOCITY, COMPASS, IMU, TILT = 3, 4, 5, 6, 7
 """Parts of the world: the generators of the sensors (0 to 2 are those of the truth)."""
 _IDENTITY: Final = Identity("stress", "0" * 16, "clock", 1)
 Arrival = tuple[float, Measurement]
@@ -149,6 +149,18 @@ def _samples(boat: Boat) -> Iterator[ImuSample]:
         yield ImuSample("imu1", boat_ns(at_s), fwd, stb, yaw)
 
 
+def _attitudes(boat: Boat) -> Iterator[Attitude]:
+    """Roll and pitch at the middle of each sample of the unit."""
+    t_s, rng = grid(float(boat.truth.t_s[-1]), 10.0)[1:], boat.rng(TILT)
+    seen = boat.truth.at(t_s - 0.05)
+    assert seen.roll_rad is not None
+    assert seen.pitch_rad is not None
+    angles = np.degrees(np.stack((seen.roll_rad, seen.pitch_rad), axis=1))
+    angles += 0.5 * rng.standard_normal(2) + 0.7 * rng.standard_normal(angles.shape)
+    for at_s, (roll, pitch) in zip(t_s.tolist(), np.round(angles, 2).tolist(), strict=True):
+        yield Attitude(sensor="imu1", t_ns=boat_ns(at_s), roll_deg=roll, pitch_deg=pitch)
+
+
 def _in(fault: Fault, t_s: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Whether each time (n,) lies within a fault."""
     inside: np.ndarray[tuple[int], np.dtype[np.bool_]] = (t_s >= fault.from_s) & (t_s < fault.to_s)
@@ -164,6 +176,8 @@ def frames_of(boat: Boat, fixes: Fixes) -> Iterator[Frame]:
         arrivals += [(_voyage_s(item.t_ns) + 0.03, item) for item in _headings(boat)]
     if world.has_imu:
         arrivals += [(_voyage_s(item.t_ns) + 0.01, item) for item in _samples(boat)]
+    if world.gives_roll:
+        arrivals += [(_voyage_s(item.t_ns) + 0.01, item) for item in _attitudes(boat)]
     arrivals.sort(key=lambda arrival: arrival[0])
     config = world.config()
     period_ns = round(NS_PER_S / config.frames.rate_hz)

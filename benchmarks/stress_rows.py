@@ -123,14 +123,17 @@ def _compass() -> Iterator[Row]:
 
 
 def _heel() -> Iterator[Row]:
-    for speed_m_s, without_m, white_m, turn_deg_s in (
-        (3.0, 1.2, 1.0, (3.0, 12.0)),
-        (6.0, 1.3, 1.0, (3.0, 12.0)),
-        (10.0, 2.1, 1.5, (12.0, 12.0)),
+    for speed_m_s, without_m, levelled_m, white_m, turn_deg_s in (
+        (3.0, 1.2, 1.0, 1.0, (3.0, 12.0)),
+        (6.0, 1.3, 1.1, 1.0, (3.0, 12.0)),
+        (10.0, 2.1, 1.8, 1.5, (12.0, 12.0)),
     ):
         world = replace(HEALTHY, speed_m_s=speed_m_s, turn_deg_s=turn_deg_s, sky=(Sky(0.0, white_m),))
         yield Row(f"heel-{speed_m_s:g}", world, (most("position_m", 0.7), NO_BLAME))
-        yield Row(f"heel-{speed_m_s:g}-nov", world.without_velocity(), (most("position_m", without_m), NO_BLAME))
+        world = world.without_velocity()
+        yield Row(f"heel-{speed_m_s:g}-nov", world, (most("position_m", without_m), NO_BLAME))
+        levelled = replace(world, gives_roll=True)
+        yield Row(f"heel-{speed_m_s:g}-roll-nov", levelled, (most("position_m", levelled_m), NO_BLAME))
 
 
 def _imu() -> Iterator[Row]:

@@ -95,6 +95,8 @@ class World:
     """Magnetic: the compass is off by `size` deg, to a side that is drawn."""
     has_imu: bool = True
     imu_fault: Fault | None = None
+    gives_roll: bool = False
+    """Whether the unit gives roll and pitch: 0.5 deg of bias and 0.7 deg of noise."""
     gyro_scale: float | None = None
     """Error of the scale factor; `None` = drawn up to 1 % to both sides."""
     outage_s: float = 0.0
@@ -129,7 +131,7 @@ class World:
             sigma_m=self.sigma_total_m(),
         )
         compass = SensorTable(id="compass1", port="a", role="compass", rate_hz=self.compass_hz)
-        imu = SensorTable(id="imu1", port="a", role="imu", model="arduimu", rate_hz=10.0)
+        imu = SensorTable(id="imu1", port="a", role="imu", model="arduimu", rate_hz=10.0, trust_tilt=self.gives_roll)
         return BoatConfig(
             boat=BoatTable(id="stress", variation_deg=0.0),
             frames=FramesTable(rate_hz=5.0),

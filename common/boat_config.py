@@ -172,6 +172,9 @@ class SensorTable:
     heel_leak_sigma: Annotated[float, Range(0.0, 20.0)] = 1.5
     """A hull that heels in turns lets the starboard accelerometer see c u r of gravity (speed u, yaw rate r): 1-sigma
     of c, which the filters estimate; 0 = no such state. 1.5 is 0.15 rad of heel for each m/s^2 of u r."""
+    trust_tilt: bool = False
+    """True = roll and pitch of this IMU take gravity out of its accelerations: it levels itself by gyros (AHRS, INS),
+    also in turns. An inclinometer shows apparent gravity, and what the boat does would be lost with it."""
     week_rollover: bool = False
     """True = the dates of this GPS are 1024 weeks in the past (event `week-rollover`) and are repaired."""
     lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0

@@ -198,7 +198,7 @@ class Filter:
         noise = self.facts.free_noise if imu is None else with_trim(before, self._driven(self.facts.imu_noise))
         if boat is None or state.trust is None:
             return self._moved(self._predict(before, dt_s, imu, noise))
-        used, noise = drives(before, state.trust, imu, noise)
+        used, noise = drives(boat, before, state.trust, imu, noise)
         predicted = self._moved(self._predict(before, dt_s, used, noise))
         after_prediction(boat, self, before, dt_s, imu)
         return predicted

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 from common.boat_config import IMU_AXES, LATE_IMU_S, ROLES, BoatConfig, SensorTable
 from common.messages import Frame, ImuBlock
 from common.units import NS_PER_S, NS_PER_US
+from shore.navigation.gravity import levelled
 from shore.navigation.implausible_samples import LIMITS, grouped, is_plausible, mean_of
 from shore.navigation.motion_model import ImuInput
 
@@ -259,7 +260,9 @@ def driving_sensor(config: BoatConfig) -> SensorTable | None:
 def blocks_of(frame: Frame, sensor: SensorTable) -> tuple[ImuBlock, ...]:
     """The frame's samples of the driving sensor; the rates of a gyro as a block without accelerations."""
     if sensor.role == "imu":
-        return tuple(block for block in frame.imu if block.sensor == sensor.id)
+        blocks = tuple(block for block in frame.imu if block.sensor == sensor.id)
+        tilts = [each for each in frame.attitudes if each.sensor == sensor.id] if sensor.trust_tilt else []
+        return tuple(levelled(block, tilts) for block in blocks)
     rates = sorted((rate.t_ns, rate.rate_deg_s) for rate in frame.turn_rates if rate.sensor == sensor.id)
     if not rates:
         return ()

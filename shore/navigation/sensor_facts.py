@@ -24,6 +24,8 @@ WAY_WALK: Final = 0.1 / math.sqrt(300.0)
 """Density of the way's random walk, m/s / sqrt(s): wind, thrust."""
 DEVIATION_WALK: Final = math.radians(0.02)
 """Density of the random walk of a deviation's coefficients, rad / sqrt(s): 1 deg in 40 min."""
+LEVELLED_SHARE: Final = 0.1
+"""What is left of the leaks of gravity where roll and pitch take it out."""
 COURSE_SIGMA_DEG: Final = 20.0
 """A course over ground taken as heading (boats without compass): leeway, current and sideways motion of the antenna."""
 
@@ -67,7 +69,9 @@ def facts_of(config: BoatConfig) -> FilterFacts:
         channels[f"{sensor.id}.heading"] = Channel(math.radians(sensor.sigma_deg) ** 2, _rate_hz(sensor))
     driver = driving_sensor(config)
     extras = (*(_inertial(driver) if driver else ()), *_water(config), *_errors(config))
-    boat = Vessel(config.boat.leeway_m_s, levers, driver is not None and "yaw_rate" in driver.use)
+    has_gyro = driver is not None and "yaw_rate" in driver.use
+    left = LEVELLED_SHARE if driver is not None and driver.trust_tilt else 1.0
+    boat = Vessel(config.boat.leeway_m_s, levers, has_gyro, left)
     imu_noise = _imu_noise(driver) if driver else FREE_NOISE
     return FilterFacts(channels, StateSpace(extras), imu_noise, levers=levers, boat=boat)
 
@@ -79,6 +83,7 @@ def _rate_hz(sensor: SensorTable) -> float:
 def _inertial(imu: SensorTable) -> tuple[Extra, ...]:
     """States of the axes that are used; a prior of 0 = no such state."""
     extras = []
+    left = LEVELLED_SHARE if imu.trust_tilt else 1.0
     if "yaw_rate" in imu.use:
         sigma, walk = np.radians([imu.bias_yaw_rate_sigma_deg_s, imu.bias_yaw_rate_walk_deg_s]).tolist()
         extras.append(Extra("gyro_bias_rad_s", sigma, walk))
@@ -86,9 +91,9 @@ def _inertial(imu: SensorTable) -> tuple[Extra, ...]:
         if axis in imu.use:
             extras.append(Extra(name, imu.bias_accel_sigma_m_s2, imu.bias_accel_walk_m_s2))
     if "accel_fwd" in imu.use:
-        extras.append(Extra("tilt_leak_per_m", imu.tilt_leak_sigma_per_m, limit=LARGEST_LEAK_PER_M))
+        extras.append(Extra("tilt_leak_per_m", left * imu.tilt_leak_sigma_per_m, limit=LARGEST_LEAK_PER_M))
     if "yaw_rate" in imu.use and "accel_stb" in imu.use:
-        extras.append(Extra("heel_leak", imu.heel_leak_sigma))
+        extras.append(Extra("heel_leak", left * imu.heel_leak_sigma))
     return tuple(extras)
 
 

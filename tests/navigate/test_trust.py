@@ -12,6 +12,7 @@ from common.messages import ImuBlock
 from common.units import NS_PER_S
 from shore.navigation.imu_track import REPEATED, ImuTrack
 from shore.navigation.measurements import Position
+from shore.navigation.motion_model import ImuInput
 from shore.navigation.trust.axes import Axes, Axis, judged
 from shore.navigation.trust.marks import FixMark, HeadingBlock, RunningSums, Turned, append, before
 from shore.navigation.trust.receiver import Receiver, guarded
@@ -253,7 +254,8 @@ def in_waves(roll_deg: float, pitch_deg: float, vibration_m_s2: float = 0.0) -> 
         roll, pitch = math.radians(roll_deg) * math.cos(phase), math.radians(pitch_deg) * math.sin(phase)
         pitch_rate = math.tau * 0.3 * math.radians(pitch_deg) * math.cos(phase)
         vibration = vibration_m_s2 * rng.normal(size=2)
-        waves = waves.then(0.1, (9.81 * math.sin(pitch) + vibration[0], 9.81 * math.sin(roll) + vibration[1], 0.0))
+        force = 9.81 * math.sin(pitch) + vibration[0], 9.81 * math.sin(roll) + vibration[1]
+        waves = waves.then(0.1, ImuInput(*force, 0.0))
         off.append(pitch_rate * math.sin(roll))
     return math.degrees(waves.gyro_rad_s), math.degrees(float(np.mean(off)))
 

@@ -26,14 +26,14 @@ WAVES_LAST_S: Final = 3.0
 
 
 def drives(
-    state: Gaussian, trust: Trust, imu: ImuInput | None, noise: ProcessNoise
+    boat: Vessel, state: Gaussian, trust: Trust, imu: ImuInput | None, noise: ProcessNoise
 ) -> tuple[InUse | None, ProcessNoise]:
     """What drives a prediction, and its process noise. `noise`: the configured one."""
     lasting = _lasting(state.space, trust)
     forward, starboard = trust.axes
     free_fwd, free_stb = math.sqrt(forward.free_density2), math.sqrt(starboard.free_density2)
     rate = trust.way.turn_rad_s
-    heel = HEELED * abs(float(speed_ahead(state.space, state.x)) * rate)
+    heel = HEELED * boat.heel_left * abs(float(speed_ahead(state.space, state.x)) * rate)
     free_turn = math.hypot(float(FREE_NOISE.yaw_rate), FREE_TURN * rate)
     if imu is None:
         return None, ProcessNoise(free_fwd, math.hypot(free_stb, heel), free_turn, lasting)

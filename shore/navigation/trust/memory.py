@@ -29,6 +29,8 @@ class Vessel(NamedTuple):
     """Lever arm of each receiver's antenna; absent = at the reference point."""
     has_gyro: bool = True
     """Whether a yaw rate is measured and configured for use."""
+    heel_left: float = 1.0
+    """Share of the gravity that a heel shows which is left: less where a unit takes it out itself."""
 
 
 class Way(NamedTuple):

@@ -1,4 +1,4 @@
-"""Attitude in waves (gravity leakage): how much a gyro that is fixed to a rolling and pitching hull can show wrongly."""
+"""Attitude in waves (gravity leakage): how wrong the gyro of a rolling and pitching hull can be."""
 
 import math
 from typing import Final, NamedTuple
@@ -37,9 +37,9 @@ class Waves(NamedTuple):
         """What is known after one more sample that covers `dt_s`."""
         to_quick, to_slow, to_square = (dt_s / (time_s + dt_s) for time_s in (QUICK_S, SLOW_S, MEMORY_S))
         axes = []
-        for now, quick, slow, square in zip(imu[:2], self.quick, self.slow, self.square, strict=True):
-            quick += to_quick * (float(now) - quick)
-            slow += to_slow * (quick - slow)
-            axes.append((quick, slow, square + to_square * ((quick - slow) ** 2 - square)))
+        for shown, quick, slow, square in zip(imu[:2], self.quick, self.slow, self.square, strict=True):
+            now = quick + to_quick * (float(shown) - quick)
+            mean = slow + to_slow * (now - slow)
+            axes.append((now, mean, square + to_square * ((now - mean) ** 2 - square)))
         forward, starboard = axes
         return Waves(*zip(forward, starboard, strict=True))
