@@ -41,6 +41,10 @@ class Moment(NamedTuple):
     """Boat time of the first position, ns."""
 
 
+not_finite_is_found = np.errstate(over="ignore", invalid="ignore", divide="ignore")
+"""What calls `Bank.advance` is decorated with it: a state that is not finite is found by the bank, without warnings."""
+
+
 class Bank:
     """The filters of one boat."""
 
@@ -54,7 +58,6 @@ class Bank:
         """Before anything was measured."""
         return Moment(0, (None,) * len(self.filters))
 
-    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def advance(
         self,
         moment: Moment,

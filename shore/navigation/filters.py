@@ -20,7 +20,7 @@ from shore.navigation.kalman import (
     wrap_heading,
 )
 from shore.navigation.measurements import Measurement, PseudoMeasurement, Scalar, is_angle
-from shore.navigation.motion_model import ImuInput, Input, ProcessNoise, with_trim
+from shore.navigation.motion_model import ImuInput, Input, ProcessNoise, speed_ahead, with_trim
 from shore.navigation.noise.noise_rule import Channel, ChannelNoise, NoiseRule
 from shore.navigation.noise.own_scatter import Scatter, bound, widest
 from shore.navigation.numbers import Array, Number, clip, larger, smaller
@@ -28,7 +28,7 @@ from shore.navigation.refilter_start import Assumed, Opening, Operation, Passed
 from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.state_space import Gaussian, StateSpace
 from shore.navigation.trust.boat_trust import after_prediction, fuse
-from shore.navigation.trust.inputs import drives
+from shore.navigation.trust.inputs import PredictionStep, drives
 from shore.navigation.trust.memory import Regard, Trust
 
 PLAIN: Final = Regard()
@@ -195,12 +195,17 @@ class Filter:
     def _pass(self, dt_s: float, imu: ImuInput | None) -> Predicted:
         state, boat = self.estimate, self.facts.boat
         before = state.gaussian
-        noise = self.facts.free_noise if imu is None else with_trim(before, self._driven(self.facts.imu_noise))
+        needs_speed = boat is not None or before.space.places[3] is not None
+        ahead = speed_ahead(before.space, before.x) if needs_speed else 0.0
+        noise = self.facts.free_noise
+        if imu is not None:
+            noise = with_trim(before.space, ahead, self._driven(self.facts.imu_noise))
         if boat is None or state.trust is None:
             return self._moved(self._predict(before, dt_s, imu, noise))
-        used, noise = drives(boat, before, state.trust, imu, noise)
+        step = PredictionStep(before, float(ahead), dt_s, imu)
+        used, noise = drives(boat, step, state.trust, noise)
         predicted = self._moved(self._predict(before, dt_s, used, noise))
-        after_prediction(boat, self, before, dt_s, imu)
+        after_prediction(boat, self, step)
         return predicted
 
     def _moved(self, predicted: Predicted) -> Predicted:

@@ -8,7 +8,7 @@ from collections import Counter
 from typing import Final
 
 from common.units import NS_PER_S
-from shore.navigation.filter_bank import Bank, Batch, Moment
+from shore.navigation.filter_bank import Bank, Batch, Moment, not_finite_is_found
 from shore.navigation.imu_track import ImuTrack, TimeStep
 from shore.navigation.measurements import Measurement
 from shore.navigation.timeline import AHEAD_NS
@@ -37,6 +37,7 @@ class Synchronous:
         self._used_ns: dict[int, int] = {}
         """Boat time of the newest measurement of each rank that a step has used, ns."""
 
+    @not_finite_is_found
     def push(self, batch: Batch) -> list[Moment]:
         """Take in a batch. Returns the moment of every step that its end closes; the first frame's end is the first."""
         self._waiting += [measured for measured in batch.measurements if not self._is_ahead(measured, batch)]

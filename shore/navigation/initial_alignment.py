@@ -8,8 +8,9 @@ from typing import Final
 
 from shore.navigation.filters import FilterState
 from shore.navigation.measurements import FirstHeading, Position
-from shore.navigation.motion_model import lift_of
+from shore.navigation.motion_model import speed_ahead
 from shore.navigation.state_space import HEADING
+from shore.navigation.tilt_leak import lift
 
 HEADING_KNOWN_DEG: Final = 10.0
 """Below this 1-sigma the heading counts as known; beyond it, it is lost again."""
@@ -63,7 +64,7 @@ def _biases_are_settled(state: FilterState) -> bool:
         fwd, leak = (None, None) if axes[0].is_off else (fwd, leak)
         stb = None if axes[1].is_off else stb
         gyro = None if turns.gyro_wrong_since_ns is not None else gyro
-    weights = ((fwd, 1.0), (leak, float(lift_of(space, x))))
+    weights = ((fwd, 1.0), (leak, float(lift(speed_ahead(space, x)))))
     forward = {place: weight for place, weight in weights if place is not None}
     fwd_variance = sum(a * b * float(P[i, j]) for i, a in forward.items() for j, b in forward.items())
     return (

@@ -21,8 +21,6 @@ from shore.navigation.state_space import (
     NORTH,
     V_EAST,
     V_NORTH,
-    Extra,
-    Gaussian,
     StateSpace,
 )
 
@@ -148,11 +146,6 @@ def speed_ahead(space: StateSpace, x: Array) -> Number:
     return _along(space, parts, *sin_cos(parts[HEADING]))
 
 
-def lift_of(space: StateSpace, x: Array) -> Number:
-    """L of the tilt leak at states (..., n), m^2/s^2."""
-    return tilt_leak.lift(speed_ahead(space, x))
-
-
 Sloped = tuple[Number, dict[int, Number]]
 """A number of a state, and its derivative by the states at their places."""
 
@@ -173,13 +166,12 @@ def through_water(space: StateSpace, x: Array) -> tuple[Sloped, Sloped]:
     return (along, ahead | {HEADING: athwart}), (athwart, starboard | {HEADING: -along})
 
 
-def with_trim(state: Gaussian, noise: ProcessNoise) -> ProcessNoise:
-    """The densities for a state: its tilt leak, if it has one, adds the unrest of the trim to the forward axis."""
-    space, x, _ = state
+def with_trim(space: StateSpace, ahead: Number, noise: ProcessNoise) -> ProcessNoise:
+    """The densities at a speed ahead: a tilt leak, if there is one, adds the unrest of the trim to the forward axis."""
     leak = space.places[3]
     if leak is None:
         return noise
-    trim = tilt_leak.trim_density(space.extras[leak - len(BASE_NAMES)].sigma, lift_of(space, x))
+    trim = tilt_leak.trim_density(space.extras[leak - len(BASE_NAMES)].sigma, tilt_leak.lift(ahead))
     return noise._replace(accel_fwd=hypot(noise.accel_fwd, trim))
 
 
@@ -290,19 +282,19 @@ def process_noise(space: StateSpace, heading_rad: Number, dt_s: float, noise: Pr
         of_both * east, of_both * north, of_both * both,
         of_velocities * east, of_velocities * north, of_velocities * both,
         noise.yaw_rate**2 * dt_s,
-        *(_gained(extra, dt_s, noise.lasting, place) for place, extra in space.walks),
+        *_gained(space, dt_s, noise.lasting or {}),
     ]  # fmt: skip
     if isinstance(east, np.ndarray):
         return np.stack(np.broadcast_arrays(*entries), axis=-1).take(space.noise_entries, axis=-1)
     return np.array(entries).take(space.noise_entries)
 
 
-def _gained(extra: Extra, dt_s: float, lasting: Mapping[int, float] | None, place: int) -> float:
-    """Variance that a state gains by itself over a step."""
-    if math.isinf(extra.lasts_s):
-        return extra.walk**2 * dt_s
-    variance = extra.sigma**2 if lasting is None else lasting.get(place, extra.sigma**2)
-    return -variance * math.expm1(-2.0 * dt_s / extra.lasts_s)
+def _gained(space: StateSpace, dt_s: float, lasting: Mapping[int, float]) -> list[float]:
+    """Variance that each state which wanders gains by itself over a step."""
+    return [
+        variance * dt_s if time_s == math.inf else -lasting.get(place, variance) * math.expm1(-2.0 * dt_s / time_s)
+        for place, time_s, variance in space.growth
+    ]
 
 
 def middle_heading(before: Array, after: Array) -> Number:

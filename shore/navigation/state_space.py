@@ -104,6 +104,14 @@ class StateSpace:
         return rates if rates.any() else None
 
     @cached_property
+    def growth(self) -> tuple[tuple[int, float, float], ...]:
+        """Place, time constant (inf = none) and variance of what wanders: it tends to that, or gains it each second."""
+        return tuple(
+            (place, extra.lasts_s, extra.sigma**2 if math.isfinite(extra.lasts_s) else extra.walk**2)
+            for place, extra in self.walks
+        )
+
+    @cached_property
     def walks(self) -> tuple[tuple[int, Extra], ...]:
         """The states that wander by themselves, and their places."""
         wander = ((place, extra) for place, extra in enumerate(self.extras, len(BASE_NAMES)))

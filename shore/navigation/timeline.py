@@ -12,7 +12,7 @@ from sys import maxsize
 from typing import Final
 
 from common.units import NS_PER_S
-from shore.navigation.filter_bank import Bank, Batch, Moment
+from shore.navigation.filter_bank import Bank, Batch, Moment, not_finite_is_found
 from shore.navigation.imu_track import ImuTrack, TimeStep, split
 from shore.navigation.measurements import Measurement
 from shore.navigation.motion_model import ImuInput
@@ -165,6 +165,7 @@ class Timeline:
         self.late, self.ahead = self._order.late, self._order.ahead
         """Sensor -> measurements that are not fused: older than the horizon; stamped after their frame."""
 
+    @not_finite_is_found
     def push(self, batch: Batch) -> list[Moment]:
         """Fuse a batch. Returns the moment at its end when it is the newest so far, else nothing."""
         order = self._order
@@ -175,6 +176,7 @@ class Timeline:
             self._forget()
         return [self.at(batch.t1_ns)] if is_newest else []
 
+    @not_finite_is_found
     def at(self, t_ns: int) -> Moment:
         """The memory at `t_ns` (not before the horizon): the newest event's before it, predicted on."""
         index = self._order.until(t_ns)

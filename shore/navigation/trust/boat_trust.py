@@ -9,19 +9,17 @@ compass     its deviation as states, a larger R in turns; set aside by the witne
 """
 
 from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
-from shore.navigation.motion_model import ImuInput
-from shore.navigation.state_space import Gaussian
 from shore.navigation.trust.fixes import fuse_fix
 from shore.navigation.trust.headings import fuse_heading
-from shore.navigation.trust.inputs import passed
+from shore.navigation.trust.inputs import PredictionStep, passed
 from shore.navigation.trust.memory import Engine, Regard, Vessel
 from shore.navigation.trust.opening import start_again_when_due
 from shore.navigation.trust.water import EVERY_S, known_water
 
 
-def after_prediction(boat: Vessel, engine: Engine, before: Gaussian, dt_s: float, imu: ImuInput | None) -> None:
-    """A prediction was made from `before`; `imu` is what was measured, in use or not."""
-    passed(boat, engine, before, dt_s, imu)
+def after_prediction(boat: Vessel, engine: Engine, step: PredictionStep) -> None:
+    """A prediction was made."""
+    passed(boat, engine, step)
     pending_s = engine.trust.way.pending_s
     if pending_s >= EVERY_S:
         known_water(boat, engine, pending_s)

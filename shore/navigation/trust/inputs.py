@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
-from shore.navigation.motion_model import FREE_NOISE, ImuInput, InUse, ProcessNoise, speed_ahead
+from shore.navigation.motion_model import FREE_NOISE, ImuInput, InUse, ProcessNoise
 from shore.navigation.numbers import Array, Number
 from shore.navigation.state_space import HEADING, Gaussian, StateSpace
 from shore.navigation.tilt_leak import lift
 from shore.navigation.trust.axes import density_of
 from shore.navigation.trust.marks import RunningSums
-from shore.navigation.trust.memory import Engine, Trust, Vessel, error_places
+from shore.navigation.trust.memory import Engine, Trust, Vessel, Way, error_places
 
 HEELED: Final = 0.3
 """Noise density of the starboard axis in a turn, over speed x yaw rate: a hull heels."""
@@ -25,15 +25,25 @@ WAVES_LAST_S: Final = 3.0
 """What waves make of a gyro lasts so long: roll and pitch beat."""
 
 
-def drives(
-    boat: Vessel, state: Gaussian, trust: Trust, imu: ImuInput | None, noise: ProcessNoise
-) -> tuple[InUse | None, ProcessNoise]:
+class PredictionStep(NamedTuple):
+    """A prediction that is to be made."""
+
+    before: Gaussian
+    ahead_m_s: float
+    """Speed through the water along the bow before it."""
+    dt_s: float
+    imu: ImuInput | None
+    """What was measured, in use or not."""
+
+
+def drives(boat: Vessel, step: PredictionStep, trust: Trust, noise: ProcessNoise) -> tuple[InUse | None, ProcessNoise]:
     """What drives a prediction, and its process noise. `noise`: the configured one."""
+    state, imu = step.before, step.imu
     lasting = _lasting(state.space, trust)
     forward, starboard = trust.axes
     free_fwd, free_stb = math.sqrt(forward.free_density2), math.sqrt(starboard.free_density2)
     rate = trust.way.turn_rad_s
-    heel = HEELED * boat.heel_left * abs(float(speed_ahead(state.space, state.x)) * rate)
+    heel = HEELED * boat.heel_left * abs(step.ahead_m_s * rate)
     free_turn = math.hypot(float(FREE_NOISE.yaw_rate), FREE_TURN * rate)
     if imu is None:
         return None, ProcessNoise(free_fwd, math.hypot(free_stb, heel), free_turn, lasting)
@@ -70,44 +80,36 @@ def _lasting(space: StateSpace, trust: Trust) -> Mapping[int, float]:
     }
 
 
-def passed(boat: Vessel, engine: Engine, before: Gaussian, dt_s: float, imu: ImuInput | None) -> None:
-    """A prediction was made from `before`; `imu` is what was measured, in use or not."""
+def passed(boat: Vessel, engine: Engine, step: PredictionStep) -> None:
+    """A prediction was made."""
     trust, x = engine.trust, engine.gaussian.x
+    imu, dt_s = step.imu, step.dt_s
     tally, waves = trust.tally, trust.waves
     has_gyro = boat.has_gyro and imu is not None
     if imu is not None:
-        tally = _counted(tally, before, x, dt_s, imu, covered_s=dt_s if has_gyro else 0.0)
+        tally = _counted(tally, step, imu, x, covered_s=dt_s if has_gyro else 0.0)
         waves = waves.then(dt_s, imu)
     way = trust.way
     rate = tally.yaw_rate_rad_s if has_gyro and trust.turns.gyro_wrong_since_ns is None else way.turn_rad_s
     slow = way.slow_turn_rad_s + min(1.0, dt_s / SLOW_TURN_S) * (rate - way.slow_turn_rad_s)
-    way = way._replace(
-        pending_s=way.pending_s + dt_s,
-        quiet_s=way.quiet_s + dt_s,
-        blind_s=0.0 if imu is not None else way.blind_s + dt_s,
-        turn_rad_s=rate,
-        slow_turn_rad_s=slow,
-    )
+    blind_s = 0.0 if imu is not None else way.blind_s + dt_s
+    way = Way(way.pending_s + dt_s, way.quiet_s + dt_s, blind_s, way.square, rate, slow)
     engine.remember(trust._replace(tally=tally, way=way, waves=waves))
 
 
-def _counted(
-    tally: RunningSums, before: Gaussian, after: Array, dt_s: float, imu: ImuInput, *, covered_s: float
-) -> RunningSums:
+def _counted(tally: RunningSums, step: PredictionStep, imu: ImuInput, after: Array, *, covered_s: float) -> RunningSums:
     """The running sums after a prediction, by all axes, in use or not."""
-    space, before_x, _ = before
+    (space, before_x, _), ahead, dt_s = step[:3]
     gyro, fwd_bias, stb_bias, leak, heel = space.places[:5]
     fwd, stb, yaw_rate = (float(axis) for axis in imu)
     if gyro is not None:
         yaw_rate -= float(before_x[gyro])
     if fwd_bias is not None:
         fwd -= float(before_x[fwd_bias])
-    if leak is not None or heel is not None:
-        ahead = float(speed_ahead(space, before_x))
-        if leak is not None:
-            fwd -= float(before_x[leak]) * float(lift(ahead))
-        if heel is not None:
-            stb -= float(before_x[heel]) * ahead * yaw_rate
+    if leak is not None:
+        fwd -= float(before_x[leak]) * float(lift(ahead))
+    if heel is not None:
+        stb -= float(before_x[heel]) * ahead * yaw_rate
     if stb_bias is not None:
         stb -= float(before_x[stb_bias])
     middle = float(before_x[HEADING]) + 0.5 * math.remainder(float(after[HEADING] - before_x[HEADING]), math.tau)
