@@ -36,6 +36,8 @@ class Gga:
     hdop: float | None
     alt_m: float | None
     """Height above mean sea level, m."""
+    step_ms: int = 1
+    """How finely `tod_ms` is written, ms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,7 @@ class Rmc:
     date: date | None
     mode: str | None
     """Mode of the fix, a letter of `MODES`; `None` before NMEA 2.3."""
+    step_ms: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +84,7 @@ class Gll:
     status_valid: bool | None
     position: Position | None
     mode: str | None
+    step_ms: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +104,8 @@ class Gst:
     sigma_north_m: float | None
 
 
-Timed = Gga | Rmc | Gll | Zda
+Timed = Gga | Rmc | Gll
+"""Sentences whose time is that of the epoch; the time of ZDA is that of a clock."""
 Untimed = Vtg | Gsa
 
 
@@ -115,6 +120,7 @@ def _gga(text: Text) -> Gga:
         satellites=fields.whole_number(text("num_sats"), 0, 200),
         hdop=fields.dilution(text("horizontal_dil")),
         alt_m=fields.unit(alt_m, text("altitude_units"), "M"),
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
 
 
@@ -127,6 +133,7 @@ def _gns(text: Text) -> Gga:
         satellites=fields.whole_number(text("satellites"), 0, 200),
         hdop=fields.dilution(text("hdop")),
         alt_m=fields.number(text("altitude"), -12_000.0, 100_000.0),
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
 
 
@@ -149,6 +156,7 @@ def _rmc(text: Text) -> Rmc:
         cog_true_deg=fields.direction(text("true_course")),
         date=short_date(text("datestamp")),
         mode=mode,
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
 
 
@@ -181,6 +189,7 @@ def _gll(text: Text) -> Gll:
         status_valid=status_valid,
         position=None if mode == "N" else _position_under(text, status_valid),
         mode=mode,
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
 
 
@@ -247,7 +256,7 @@ _GNS_FIELDS: Final = (
 
 _GST_NAMES: Final = ("timestamp", "rms", "major", "minor", "orientation", "north", "east", "up")
 
-FORMS: Final[dict[str, Form[Timed | Untimed | Gst]]] = {
+FORMS: Final[dict[str, Form[Timed | Untimed | Zda | Gst]]] = {
     "GGA": Form(10, 15, _gga),
     # Older versions of pynmea2 name its fields differently.
     "GNS": Form(10, 13, _gns, _GNS_FIELDS),
