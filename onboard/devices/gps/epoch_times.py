@@ -34,7 +34,7 @@ _PLACES: Final = 64
 
 
 class Place(Enum):
-    """A sentence of another time than the newest epoch's opens one, is doubted until a leader comes, or is set aside."""
+    """A sentence of another time than the newest epoch's opens one, waits for a leader, or is set aside."""
 
     OPENS = auto()
     DOUBTED = auto()
