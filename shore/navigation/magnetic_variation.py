@@ -26,7 +26,7 @@ class Model(NamedTuple):
 
     first_year: float
     coefficients: str
-    """Its file in pygeomag: named, because the library's default changes with its version and a replay must not."""
+    """The name of its file in pygeomag, because the library's default changes with its version and a replay must not."""
     floor_deg: float
     slope_nt: float
 
@@ -78,7 +78,7 @@ class _Field(NamedTuple):
     """The year that was wanted."""
     used_year: float
     model: str
-    """`WMM2025`."""
+    """Name of the model: `WMM2025`."""
 
 
 class Variation:
