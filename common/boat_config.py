@@ -119,6 +119,9 @@ class SensorTable:
     model: Name = "nmea"
     talkers: tuple[Annotated[str, MaxLength(2)], ...] = ()
     """Only sentences of these talkers (shared port); empty = all."""
+    checksum: Annotated[str, OneOf(("required", "optional"))] = "required"
+    """Whether NMEA sentences of this sensor need their checksum. Without one a changed digit cannot be seen; such lines
+    are counted apart."""
     rate_hz: Annotated[float, Range(0.01, 1000.0)] | None = None
     latency_ms: Annotated[float, Range(0.0, 10_000.0)] = 0.0
     """Latency, ms: how long before the first byte of its (first) sentence reaches the board a measurement was valid."""

@@ -207,7 +207,10 @@ class RadarTarget:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawLine:
-    """A sentence as it came (GPS, AIS, TTM), so that the shore can decode it again."""
+    """A sentence as it came (GPS, AIS, TTM), so that the shore can decode it again.
+
+    One that came without checksum (`checksum = "optional"`) has been given one.
+    """
 
     sensor: SensorId
     t_ns: int
@@ -234,6 +237,8 @@ class SensorHealth:
     """True when the port exceeds its byte budget; the surplus is read and thrown away."""
     accepted: Annotated[int, Range(0, None)] = 0
     """Number of lines accepted since start."""
+    unchecked: Annotated[int, Range(0, None)] = 0
+    """How many of these had no checksum (`checksum = "optional"`)."""
     rejected: dict[str, int] = field(default_factory=dict)
     """Number of lines rejected since start, by reason."""
     discarded_bytes: Annotated[int, Range(0, None)] = 0

@@ -26,7 +26,7 @@ class Model(NamedTuple):
 
     first_year: float
     coefficients: str
-    """The name of its file in pygeomag, because the library's default changes with its version and a replay must not."""
+    """The name of its file in pygeomag: the library's default changes with its version, and a replay must not."""
     floor_deg: float
     slope_nt: float
 
