@@ -179,7 +179,7 @@ class SensorTable:
     """True = roll and pitch of this IMU take gravity out of its accelerations: it levels itself by gyros (AHRS, INS),
     also in turns. An inclinometer shows apparent gravity, and what the boat does would be lost with it."""
     week_rollover: bool = False
-    """True = the dates of this GPS are 1024 weeks in the past (event `week-rollover`) and are repaired."""
+    """True = the dates of this GPS are 1024 or 2048 weeks in the past (event `week-rollover`) and are repaired."""
     lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
     """Lever arm of the GPS antenna: how far it is forward of the boat's reference point (the IMU), m."""
     lever_stb_m: Annotated[float, Range(-100.0, 100.0)] = 0.0

@@ -89,11 +89,18 @@ def direction(text: str) -> float | None:
 
 
 def east_positive(text: str, side: str) -> float | None:
-    """Deviation or variation in degrees, E = +, W = -; a value without its letter is refused."""
-    value = number(text, 0.0, 180.0)
-    if letter(side, "EW", "hemisphere") is None and value is not None:
+    """Deviation or variation in degrees, E = +, W = -; a value without its letter is refused, unless it is 0.
+
+    Some autopilots write the sign and always E (`-16.9,E`); a sign before W may mean either.
+    """
+    value = number(text, -180.0, 180.0)
+    if letter(side, "EW", "hemisphere") is None and value:
         raise FieldFault("hemisphere")
-    return -value if value is not None and side == "W" else value
+    if value is None or not side:
+        return None
+    if value < 0.0 and side == "W":
+        raise FieldFault("hemisphere")
+    return -value if side == "W" else value
 
 
 def dilution(text: str) -> float | None:

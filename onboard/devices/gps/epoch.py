@@ -103,7 +103,12 @@ class Epoch:
 
     @property
     def speed_and_course(self) -> tuple[float | None, float | None]:
-        """SOG in kn and COG in degrees true from RMC, else VTG; no course below `COURSE_ABOVE_KN`."""
+        """SOG in kn and COG in degrees true from RMC, else VTG; no course below `COURSE_ABOVE_KN`.
+
+        None at all without a position: receivers fill in 0.0.
+        """
+        if self.position is None:
+            return None, None
         for reading in (self.rmc, self.vtg):
             if reading is None or reading.sog_kn is None or reading.mode == "N":
                 continue

@@ -33,6 +33,7 @@ class Gga:
     """0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator. Of GNS the best of
     the letters, of which there is one for each constellation (`AANN` = 1, `RRNN` = 4)."""
     satellites: int | None
+    """Number of satellites in use; `None` too where a fix claims 0."""
     hdop: float | None
     alt_m: float | None
     """Height above mean sea level, m."""
@@ -117,7 +118,7 @@ def _gga(text: Text) -> Gga:
         # Without a fix some receivers fill the place in: MTK sends 8960.0000,N.
         position=_position(text) if quality else None,
         quality=quality,
-        satellites=fields.whole_number(text("num_sats"), 0, 200),
+        satellites=_satellites(text("num_sats"), quality),
         hdop=fields.dilution(text("horizontal_dil")),
         alt_m=fields.unit(alt_m, text("altitude_units"), "M"),
         step_ms=fields.time_step_ms(text("timestamp")),
@@ -130,11 +131,16 @@ def _gns(text: Text) -> Gga:
         tod_ms=fields.time_of_day_ms(text("timestamp")),
         position=_position(text) if quality else None,
         quality=quality,
-        satellites=fields.whole_number(text("satellites"), 0, 200),
+        satellites=_satellites(text("satellites"), quality),
         hdop=fields.dilution(text("hdop")),
         alt_m=fields.number(text("altitude"), -12_000.0, 100_000.0),
         step_ms=fields.time_step_ms(text("timestamp")),
     )
+
+
+def _satellites(text: str, quality: int | None) -> int | None:
+    count = fields.whole_number(text, 0, 200)
+    return None if quality and not count else count
 
 
 def _best_quality(letters: str) -> int | None:
