@@ -54,8 +54,8 @@ class BoatTable:
 
     id: Annotated[str, MaxLength(64)]
     variation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
-    """Magnetic variation where the boat sails, east +; used when the compass does not send its own.
-    Left out = by the World Magnetic Model, ashore."""
+    """Magnetic variation where the boat sails, east +; it goes before what a compass sends. Left out = what the compass
+    sends where the World Magnetic Model agrees, else the model's, ashore."""
     current_sigma_m_s: Annotated[float, Range(0.0, 10.0)] = 0.5
     """1-sigma of the current on each axis before anything is known of it, m/s: the filters estimate it. 0 = still
     water."""
@@ -119,6 +119,9 @@ class SensorTable:
     model: Name = "nmea"
     talkers: tuple[Annotated[str, MaxLength(2)], ...] = ()
     """Only sentences of these talkers (shared port); empty = all."""
+    checksum: Annotated[str, OneOf(("required", "optional"))] = "required"
+    """Whether NMEA sentences of this sensor need their checksum. Without one a changed digit cannot be seen; such lines
+    are counted apart."""
     rate_hz: Annotated[float, Range(0.01, 1000.0)] | None = None
     latency_ms: Annotated[float, Range(0.0, 10_000.0)] = 0.0
     """Latency, ms: how long before the first byte of its (first) sentence reaches the board a measurement was valid."""
@@ -176,13 +179,13 @@ class SensorTable:
     """True = roll and pitch of this IMU take gravity out of its accelerations: it levels itself by gyros (AHRS, INS),
     also in turns. An inclinometer shows apparent gravity, and what the boat does would be lost with it."""
     week_rollover: bool = False
-    """True = the dates of this GPS are 1024 weeks in the past (event `week-rollover`) and are repaired."""
+    """True = the dates of this GPS are 1024 or 2048 weeks in the past (event `week-rollover`) and are repaired."""
     lever_fwd_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
     """Lever arm of the GPS antenna: how far it is forward of the boat's reference point (the IMU), m."""
     lever_stb_m: Annotated[float, Range(-100.0, 100.0)] = 0.0
     """Lever arm of the GPS antenna: how far it is to starboard of that point, m."""
-    deviation_deg: Annotated[float, Range(-180.0, 180.0)] = 0.0
-    """Compass deviation, east +: true = compass + deviation + variation."""
+    deviation_deg: Annotated[float, Range(-180.0, 180.0)] | None = None
+    """Compass deviation, east +: true = compass + deviation + variation. Left out = what the device sends, else 0."""
     use: tuple[Annotated[str, OneOf(IMU_AXES)], ...] = IMU_AXES
     """IMU axes the filters may use; the others are recorded only."""
 

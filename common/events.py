@@ -164,6 +164,12 @@ EVENTS: Final[dict[str, EventKind]] = {
         "report this log",
         side=FILTERS,
     ),
+    "fix-zero": EventKind(
+        "warning",
+        "{sensor} gives the place 0, 0, which stands for no place: it is not used",
+        "nothing, where the receiver has just been switched on; else check it",
+        side=FILTERS,
+    ),
     "fix-far": EventKind(
         "warning",
         "fix of {sensor} lies {distance_km} km from the mission's origin and is not used",
@@ -228,8 +234,15 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "variation-used": EventKind(
         "info",
-        "magnetic variation here is {variation_deg} deg (WMM2025, east +, good to {doubt_deg} deg)",
+        "magnetic variation here is {variation_deg} deg ({model}, east +, good to {doubt_deg} deg)",
         "nothing to do",
+        side=FILTERS,
+    ),
+    "variation-doubted": EventKind(
+        "warning",
+        "{sensor} says that the variation is {variation_deg} deg; the magnetic model has {model_deg} deg here: that is"
+        " used",
+        "set the variation in the compass right, or state it as boat.variation_deg in the board's file, which wins",
         side=FILTERS,
     ),
     "variation-undated": EventKind(
@@ -240,7 +253,7 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "variation-expired": EventKind(
         "warning",
-        "the date, {year}, is outside the years of the magnetic model (WMM2025): the variation of {used_year} is used",
+        "the date, {year}, is outside the years of the magnetic models: the variation of {used_year} is used",
         "update Wayfix or set boat.variation_deg in the board's file; if the date is wrong, check the receiver",
         side=FILTERS,
     ),

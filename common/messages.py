@@ -64,7 +64,10 @@ class Fix:
 
     @property
     def usable(self) -> bool:
-        """May a filter take the position? Not when void, held, estimated, manual, simulated or under RMC status V."""
+        """May a filter take the position? Not when void, held, estimated, manual, simulated or under RMC status V.
+
+        Nor one of 0, 0, which devices fill in that know no place.
+        """
         return (
             self.lat_deg is not None
             and self.lon_deg is not None
@@ -72,7 +75,13 @@ class Fix:
             and self.status_valid is not False
             and self.fix_quality not in (0, 6, 7, 8)
             and self.fix_mode != 1
+            and not self.is_zero
         )
+
+    @property
+    def is_zero(self) -> bool:
+        """True = the position is 0, 0 to the last digit."""
+        return self.lat_deg == 0.0 and self.lon_deg == 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,7 +207,10 @@ class RadarTarget:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawLine:
-    """A sentence as it came (GPS, AIS, TTM), so that the shore can decode it again."""
+    """A sentence as it came (GPS, AIS, TTM), so that the shore can decode it again.
+
+    One that came without checksum (`checksum = "optional"`) has been given one.
+    """
 
     sensor: SensorId
     t_ns: int
@@ -225,6 +237,8 @@ class SensorHealth:
     """True when the port exceeds its byte budget; the surplus is read and thrown away."""
     accepted: Annotated[int, Range(0, None)] = 0
     """Number of lines accepted since start."""
+    unchecked: Annotated[int, Range(0, None)] = 0
+    """How many of these had no checksum (`checksum = "optional"`)."""
     rejected: dict[str, int] = field(default_factory=dict)
     """Number of lines rejected since start, by reason."""
     discarded_bytes: Annotated[int, Range(0, None)] = 0

@@ -75,7 +75,7 @@ def compass_readings(truth: Truth, sensor: SensorTable, draws: Draws) -> Iterato
     lasting = drift_path(
         gauss_markov(compass.lasting_deg, compass.lasts_s), t_s, draws.normals(f"{sensor.id} drift", len(t_s), 1)[0]
     )[:, 0]
-    heading = np.mod(heading - sensor.deviation_deg + lasting + compass.white_deg * normals[:, 0], 360.0)
+    heading = np.mod(heading - (sensor.deviation_deg or 0.0) + lasting + compass.white_deg * normals[:, 0], 360.0)
     heading[heading >= 360.0] = 0.0  # a tiny negative angle rounds up to 360
     rate += compass.turn_rate_deg_s + 0.3 * normals[:, 1]
     tilt = felt_tilt_deg(truth, t_s - compass.late_s) + compass.askew_deg + 0.1 * normals[:, 2:]

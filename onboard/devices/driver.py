@@ -35,6 +35,8 @@ class Accepted:
     sensor: str
     kind: str
     measurements: tuple[Measurement, ...] = ()
+    unchecked: bool = False
+    """True where nothing shows that the line came whole (`optional_checksum`)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,11 +89,18 @@ def direction(text: str) -> float | None:
 
 
 def east_positive(text: str, side: str) -> float | None:
-    """Deviation or variation in degrees, E = +, W = -; a value without its letter is refused."""
-    value = number(text, 0.0, 180.0)
-    if letter(side, "EW", "hemisphere") is None and value is not None:
+    """Deviation or variation in degrees, E = +, W = -; a value without its letter is refused, unless it is 0.
+
+    Some autopilots write the sign and always E (`-16.9,E`); a sign before W may mean either.
+    """
+    value = number(text, -180.0, 180.0)
+    if letter(side, "EW", "hemisphere") is None and value:
         raise FieldFault("hemisphere")
-    return -value if value is not None and side == "W" else value
+    if value is None or not side:
+        return None
+    if value < 0.0 and side == "W":
+        raise FieldFault("hemisphere")
+    return -value if side == "W" else value
 
 
 def dilution(text: str) -> float | None:
@@ -103,7 +110,10 @@ def dilution(text: str) -> float | None:
 
 
 def position(lat: str, north_south: str, lon: str, east_west: str) -> Position | None:
-    """`ddmm.mmmm,N,dddmm.mmmm,E`, all of it or nothing of it (`fields`); letters alone are an empty position."""
+    """`ddmm.mmmm,N,dddmm.mmmm,E`, all of it or nothing of it (`fields`); letters alone are an empty position.
+
+    0, 0 to the last digit is what devices fill in that know no place: `zero-position`.
+    """
     if letter(north_south, "NS", "hemisphere") is None and lat:
         raise FieldFault("hemisphere")
     if letter(east_west, "EW", "hemisphere") is None and lon:
@@ -113,6 +123,8 @@ def position(lat: str, north_south: str, lon: str, east_west: str) -> Position |
     if not lat or not lon:
         raise FieldFault("fields")
     lat_deg, lon_deg = _degrees(lat, _LATITUDE, 90.0), _degrees(lon, _LONGITUDE, 180.0)
+    if lat_deg == 0.0 and lon_deg == 0.0:
+        raise FieldFault("zero-position")
     return Position(
         lat_deg=-lat_deg if north_south == "S" else lat_deg,
         lon_deg=-lon_deg if east_west == "W" else lon_deg,
@@ -132,6 +144,11 @@ def _degrees(text: str, form: re.Pattern[str], limit_deg: float) -> float:
     return value
 
 
+def time_step_ms(text: str) -> int:
+    """How finely a time of day is written, ms: 1000 without decimals, 1 with three or more."""
+    return (1000, 100, 10, 1)[min(3, len(text.partition(".")[2]))]
+
+
 def time_of_day_ms(text: str) -> int | None:
     """`hhmmss[.sss]` as milliseconds since midnight UTC, further digits cut off; second 60 only as 23:59:60."""
     if not text:
@@ -144,3 +161,8 @@ def time_of_day_ms(text: str) -> int | None:
     if hour > 23 or minute > 59 or (second > 59 and not leap):
         raise FieldFault("time")
     return ((hour * 60 + minute) * 60 + second) * 1000 + int((match[4] or "")[:3].ljust(3, "0"))
+
+
+def tod_step_ms(before_ms: int, after_ms: int) -> int:
+    """Step from one time of day to another, ms, -12 h to +12 h."""
+    return (after_ms - before_ms + DAY_MS // 2) % DAY_MS - DAY_MS // 2

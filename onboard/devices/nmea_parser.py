@@ -43,7 +43,7 @@ def read(sentence: Sentence, forms: Mapping[str, Form[Reading_co]]) -> Reading_c
     """The reading, or the reason why there is none.
 
     Reasons: `formatter` (not in `forms`), `fields` (their number; half a position), `not-a-number`, `range`,
-    `hemisphere`, `unit`, `status`, `time`, `date`, `parser` (pynmea2 gave up or broke).
+    `hemisphere`, `zero-position`, `unit`, `status`, `time`, `date`, `parser` (pynmea2 gave up or broke).
     """
     form = forms.get(sentence.formatter)
     if form is None:

@@ -6,7 +6,8 @@ AIS sentences begin with `!`. The checksum is required: without one, a damaged s
 Two things may stand before the `$`: a tag block of IEC 61162-450 (`\s:GP0001,c:1326055296*3C\$GPGGA...`), and bytes
 that are no text. The second is what a receiver that mixes a binary protocol with NMEA sends (the packet has no line end
 of its own), and what the first line after a wrong baud rate looks like. The sentence behind either is whole and has its
-own checksum. Text before the `$` is the rest of another sentence, and the line is refused.
+own checksum; behind bytes that are no text it begins at the last `$` that begins an address, for a packet's last bytes
+may look like text. Text alone before the `$` is the rest of another sentence, and the line is refused.
 """
 
 import re
@@ -19,10 +20,11 @@ LONGEST_SENTENCE: Final = 512
 # from NMEA 2000 write two digits, the address of a device on the bus, instead of letters (`$04HDM`).
 _ADDRESS = re.compile(rb"[$!]([A-OQ-Z0-9][A-Z0-9])([A-Z]{3})(?:[,*]|$)")
 _TAG_BLOCK = re.compile(rb"\\[ -\[\]-~]*\\")
-# The last byte of a binary packet may be a `$` too.
+# The last bytes of a binary packet may be a `$`, and text behind it, too.
 _START = re.compile(rb"[$!](?![$!])")
+_ADDRESSED = re.compile(rb"[$!](?:[A-Z0-9]{5}|P[A-Z][A-Z0-9]{1,6}),")
 _TEXT: Final = bytes((*b"\t", *range(0x20, 0x7F)))
-_PADDING: Final = b" \t\0"
+PADDING: Final = b" \t\0"
 """Bytes that editors and loggers leave behind a sentence."""
 _CHECKSUM = re.compile(rb"\*[0-9A-Fa-f]{2}")
 _HALVES: Final = tuple(8 * LONGEST_SENTENCE >> step for step in range(1, 10))
@@ -48,14 +50,13 @@ def address(data: bytes) -> tuple[str, str] | None:
 
 def sentence_of(data: bytes) -> bytes:
     """The line without a tag block, or without bytes that are no text, before its `$` or `!` (see the module)."""
-    if data[:1] in (b"$", b"!"):
-        return data
-    block = _TAG_BLOCK.match(data)
-    if block is not None:
-        return data[block.end() :]
-    no_text = len(data.rstrip(_TEXT))
-    start = _START.search(data, no_text) if no_text else None
-    return data if start is None else data[start.start() :]
+    no_text = len(data.rstrip(PADDING).rstrip(_TEXT))
+    if no_text:
+        *_, start = None, *_ADDRESSED.finditer(data, no_text)
+        start = start or _START.search(data, no_text)
+        return data if start is None else data[start.start() :]
+    block = _TAG_BLOCK.match(data) if data[:1] == b"\\" else None
+    return data if block is None else data[block.end() :]
 
 
 def checksum(data: bytes) -> int:
@@ -77,7 +78,7 @@ def check_sentence(data: bytes) -> Sentence | str:
     """
     if len(data) > LONGEST_SENTENCE:
         return "too-long"
-    data = sentence_of(data).rstrip(_PADDING)
+    data = sentence_of(data).rstrip(PADDING)
     if not data.isascii() or not (text := data.decode("ascii")).isprintable():
         return "not-ascii"
     if data[:1] not in (b"$", b"!"):

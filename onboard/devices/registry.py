@@ -15,6 +15,7 @@ from onboard.devices.gps.driver import GpsDriver
 from onboard.devices.gps.encoder import GpsEncoder
 from onboard.devices.inertial.arduimu import ArduImuDriver, ArduImuEncoder
 from onboard.devices.inertial.tinkerkit import TinkerKitDriver, TinkerKitEncoder
+from onboard.devices.optional_checksum import OptionalChecksum
 from onboard.devices.traffic.ais import AisDriver, AisEncoder
 from onboard.devices.traffic.radar import RadarDriver, RadarEncoder
 
@@ -42,7 +43,8 @@ MODELS: Final[dict[tuple[str, str], Model]] = {
 
 def make_driver(table: SensorTable) -> Driver:
     """The driver of one `[[sensor]]`; raises WayfixError as `_model` does."""
-    return _model(table).driver(table)
+    driver = _model(table).driver(table)
+    return OptionalChecksum(driver) if table.checksum == "optional" else driver
 
 
 def make_encoder(table: SensorTable, around: Surroundings) -> Encoder[Any]:

@@ -39,6 +39,8 @@ def instead_of_its_lines(came: Instead) -> str:
         return f"{came.size} bytes came, no whole line yet"
     if not came.readable and 2 * bad["not-ascii"] >= bad.total():
         return f"{came.size} bytes came, none readable: wrong baud rate?"
+    if bad and bad["no-checksum"] == bad.total():
+        return f'{bad.total()} lines without checksum came: checksum = "optional" at this sensor takes them'
     if bad:
         reasons = ", ".join(f"{reason} {number}" for reason, number in bad.most_common(4))
         return f"{bad.total()} bad lines came, no good one: {reasons}"

@@ -4,6 +4,8 @@ A line ends at LF or CR; CR LF counts once because empty lines are silent (some 
 Its time is that of the chunk that held its first byte. No more than `LONGEST_LINE` bytes are ever held: what is longer
 is discarded up to the next line end.
 
+Packets of u-blox' binary protocol are taken out first (`ubx_packets`): they are no lines, and no damage.
+
 Two sentences run together by a lost line end come out as one line: only a decoder knows that `$` or `!` may not stand
 in the middle, and it rejects them (`onboard.devices.nmea_sentence`).
 """
@@ -12,6 +14,7 @@ from typing import Final
 
 from common.units import NS_PER_MS
 from onboard.devices.driver import Line
+from onboard.reading.ubx_packets import UbxPackets
 
 LONGEST_LINE: Final = 512
 """Most bytes of one line: six times the NMEA limit, so that the long lines of radars and IMUs pass."""
@@ -25,7 +28,7 @@ _LINE_START: Final = b"$!%\\"
 class LineSplitter:
     """Cuts the bytes of one port into lines. Counters run since creation and may be read at any time.
 
-    Every byte fed is in a line, is a line end, is in `discarded_bytes`, or is in `pending_bytes`.
+    Every byte fed is in a line, is a line end, is in `discarded_bytes`, in `packet_bytes` or in `pending_bytes`.
     """
 
     def __init__(self) -> None:
@@ -35,6 +38,7 @@ class LineSplitter:
         """Number of lines thrown away for their length."""
         self.discarded_bytes = 0
         """Number of bytes in lines too long or cut, line ends not counted."""
+        self._packets = UbxPackets()
         self._pending = bytearray()
         self._t_ns = 0
         self._resync = False
@@ -45,8 +49,14 @@ class LineSplitter:
         """Number of bytes in the line in progress."""
         return len(self._pending)
 
+    @property
+    def packet_bytes(self) -> int:
+        """Number of bytes in UBX packets, one in progress included."""
+        return self._packets.packet_bytes + self._packets.held_bytes
+
     def feed(self, data: bytes, t_ns: int) -> list[Line]:
         """The lines that `data`, stamped `t_ns`, completes, oldest first."""
+        data = self._packets.text(data)
         if self._fresh and data:
             self._fresh = False
             self._resync = data[0] not in _LINE_START
@@ -63,6 +73,7 @@ class LineSplitter:
     def note_cut(self) -> None:
         """Bytes were lost here (byte budget): discard the line in progress and on to the next line end."""
         self._discard_pending()
+        self.discarded_bytes += self._packets.reset()
         self._resync = True
 
     def reset(self) -> None:

@@ -166,7 +166,7 @@ class PortChain:
             for measurement in outcome.measurements:
                 measured = measured or not isinstance(measurement, COMPANIONS)
                 self._sink.take(measurement, t_ns)
-            self.monitors[outcome.sensor].accept(t_ns, measured)
+            self.monitors[outcome.sensor].accept(t_ns, measured, outcome.unchecked)
         elif isinstance(outcome, Rejected):
             if outcome.reason in DAMAGE:
                 self.wire.damaged += 1

@@ -58,6 +58,7 @@ class SensorMonitor:
         self.wire = Wire() if wire is None else wire
         self.rejected: Counter[str] = Counter()
         self.accepted = 0
+        self.unchecked = 0
         self.hint: str | None = None
         """Which device sends the lines that come instead of this sensor's, in words (`PortChain`)."""
         self.periodic = ROLES[table.role].periodic
@@ -74,9 +75,13 @@ class SensorMonitor:
         """State in the last report; `None` before the first."""
         self._reported_ns = 0
 
-    def accept(self, t_ns: int, measured: bool) -> None:
-        """A good line at `t_ns`; measured = it completed a measurement (a fix, a sample, a heading)."""
+    def accept(self, t_ns: int, measured: bool, unchecked: bool = False) -> None:
+        """A good line at `t_ns`; measured = it completed a measurement (a fix, a sample, a heading).
+
+        unchecked: it had no checksum.
+        """
         self.accepted += 1
+        self.unchecked += int(unchecked)
         self._rate.count(int(measured))
         self._delivery.good(t_ns)
 
@@ -188,6 +193,7 @@ class SensorMonitor:
             rate_hz=self._rate.report_hz(now_ns),
             flooded=self.wire.flooded,
             accepted=self.accepted,
+            unchecked=self.unchecked,
             rejected=dict(self.rejected),
             discarded_bytes=self.wire.discarded_bytes,
         )

@@ -267,11 +267,12 @@ class Reader:
 
     def __init__(self, config: BoatConfig, tell: Callable[[Event], None]) -> None:
         self._sensors = {sensor.id: sensor for sensor in config.sensor}
-        self._variation_deg = config.boat.variation_deg
         self._tell = tell
         self.far_in_a_row = 0
         """Number of usable fixes since the last one within `FARTHEST_M`."""
-        self._model = Variation(tell)
+        self._zero: set[str] = set()
+        """Receivers that gave the place 0, 0."""
+        self._variation = Variation(tell, config.boat.variation_deg)
         self._newest_ns: int | None = None
         self._is_newest = True
         self._utc_ns: int | None = None
@@ -290,7 +291,10 @@ class Reader:
         return tuple(measured for measured in (*positions, *headings) if measured is not None)
 
     def position(self, fix: Fix) -> Position | None:
-        """The fix in metres; `None` when void, held, not configured or too far away."""
+        """The fix in metres; `None` when void, held, 0, 0, not configured or too far away."""
+        if fix.is_zero and fix.sensor not in self._zero:
+            self._zero.add(fix.sensor)
+            self._tell(event("fix-zero", fix.t_ns, fix.sensor, sensor=fix.sensor))
         if not fix.usable or fix.lat_deg is None or fix.lon_deg is None or not self._is(fix.sensor, "gps"):
             return None
         if not math.isfinite(fix.lat_deg + fix.lon_deg):
@@ -301,7 +305,7 @@ class Reader:
         if self._too_far(fix, math.hypot(east_m, north_m)):
             return None
         if self._is_newest:
-            self._model.see(fix.lat_deg, fix.lon_deg, self._utc_ns)
+            self._variation.see(fix.lat_deg, fix.lon_deg, self._utc_ns)
         velocity, course = _motion(fix)
         claimed = claimed_m(fix, self._sensors[fix.sensor])
         return Position(fix.t_ns, fix.sensor, east_m, north_m, velocity, course, claimed, fix.fix_quality)
@@ -309,17 +313,19 @@ class Reader:
     def true_heading(self, heading: Heading) -> TrueHeading | None:
         """The true heading: as sent, or magnetic + deviation + variation, both east +.
 
-        Deviation: the boat's table, else the device's. Variation: the device's, else the boat's table, else the
-        magnetic model's; before the first fix that is unknown, and the reading of no use.
+        Deviation: the boat's table, else the device's. Variation: `Variation`; while nobody knows it the reading is of
+        no use.
         """
         if not self._is(heading.sensor, "compass"):
             return None
         true_deg = heading.heading_true_deg
         if true_deg is None and heading.heading_mag_deg is not None:
-            variation_deg = self._variation(heading)
+            variation_deg = self._variation.east_deg(heading.t_ns, heading.sensor, heading.variation_deg)
             if variation_deg is None:
                 return None
-            deviation_deg = self._sensors[heading.sensor].deviation_deg or heading.deviation_deg or 0.0
+            deviation_deg = self._sensors[heading.sensor].deviation_deg
+            if deviation_deg is None:
+                deviation_deg = heading.deviation_deg or 0.0
             true_deg = heading.heading_mag_deg + deviation_deg + variation_deg
         if true_deg is None or not math.isfinite(true_deg):
             return None
@@ -327,13 +333,6 @@ class Reader:
 
     def _is(self, sensor: str, role: str) -> bool:
         return sensor in self._sensors and self._sensors[sensor].role == role
-
-    def _variation(self, heading: Heading) -> float | None:
-        if heading.variation_deg is not None:
-            return heading.variation_deg
-        if self._variation_deg is not None:
-            return self._variation_deg
-        return self._model.east_deg(heading.t_ns, heading.sensor)
 
     def _too_far(self, fix: Fix, distance_m: float) -> bool:
         """Make an event, once for each excursion."""

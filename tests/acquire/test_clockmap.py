@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 from common.framer import Framer, Identity, Utc
 from common.messages import ClockPair, Event
 from common.units import NS_PER_MS, NS_PER_S
+from onboard.devices import make_driver
 from onboard.devices.gps.dates import EARLIEST_UTC_NS, LATEST_UTC_NS, ROLLOVER_NS, Dates
 from onboard.devices.gps.driver import GpsDriver
 from onboard.reading.utc_clock import UNCERTAINTY_NS, ClockMap
 from tests.acquire.sentences import gps, line, measured, pairs, sealed
+from tests.cases import CASES, needs_cases
 
 UTC0 = 1_750_000_000 * NS_PER_S
 
@@ -303,6 +305,27 @@ def test_a_week_rollover_is_repaired_where_the_known_utc_proves_it_or_the_boards
         assert "2026-11-18 is used" in told[0].text
 
 
+@needs_cases
+@pytest.mark.parametrize("repaired", [True, False])
+def test_two_rollovers(repaired: bool) -> None:
+    """The date is 2048 weeks old: repaired where the board's file says so, else offered."""
+    told: list[Event] = []
+    driver, dates = make_driver(gps()), Dates(told.append, ["gps1"] if repaired else [])
+    used: list[ClockPair | None] = []
+    for k, data in enumerate((CASES / "board" / "two-rollovers.nmea").read_bytes().splitlines()):
+        used += [dates.judge(one, NO_UTC) for one in pairs(measured(driver.feed(line(data, k * NS_PER_S))))]
+    noon_ns = int(datetime(2026, 8, 29, 12, tzinfo=UTC).timestamp()) * NS_PER_S
+    assert used == [
+        ClockPair(sensor="gps1", t_ns=k * NS_PER_S, utc_ns=noon_ns + k * NS_PER_S, source="RMC+2048w")
+        if repaired
+        else None
+        for k in range(12)
+    ]
+    assert [item.code for item in told] == ["week-rollover-repaired" if repaired else "week-rollover"]
+    assert "1987-05-30" in told[0].text
+    assert "2026-08-29" in told[0].text
+
+
 def test_a_rollover_at_sea_moves_nothing() -> None:
     told: list[Event] = []
     dates, mapping = Dates(told.append), ClockMap(told.append)
@@ -338,4 +361,4 @@ def test_nothing_impossible_ever_passes(utc_ns: int, known_ns: int | None, is_co
     dates = Dates(lambda _: None, ["gps1"] if is_configured else ())
     for use in judged(dates, utc_ns, known_ns):
         assert use is None or EARLIEST_UTC_NS <= use.utc_ns < LATEST_UTC_NS
-        assert use is None or use.utc_ns - utc_ns in (0, ROLLOVER_NS)
+        assert use is None or use.utc_ns - utc_ns in (0, ROLLOVER_NS, 2 * ROLLOVER_NS)

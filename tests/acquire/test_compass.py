@@ -8,6 +8,7 @@ from common.framer import Measurement
 from common.messages import Attitude, Heading, TurnRate
 from onboard.devices import Accepted, Ignored, Line, PortDecoder, Rejected, make_driver
 from tests.acquire.sentences import MS, S, compass, heading, line, measured, recording, sealed
+from tests.cases import CASES, needs_cases
 
 MODELS = ("nmea", "hsc100", "tcm2", "hmr3000", "kvh-c100")
 
@@ -327,3 +328,25 @@ def test_names_of_xdr_in_any_case() -> None:
 
 def test_an_unknown_rate_of_turn_is_no_rate() -> None:
     assert make_driver(compass()).feed(line(sealed("TIROT,-9999.9,A"))) == Rejected("range", "compass1")
+
+
+@needs_cases
+def test_hdg_negative_variation() -> None:
+    """Some autopilots write the sign and always E."""
+    for data in (CASES / "board" / "hdg-negative-variation.nmea").read_bytes().splitlines():
+        found = heading(make_driver(compass()).feed(line(data)))
+        assert (found.heading_mag_deg, found.variation_deg) == (101.4, -16.9)
+
+
+@needs_cases
+def test_hdg_value_without_letter() -> None:
+    """A zero needs no letter: it is no value."""
+    for data in (CASES / "board" / "hdg-value-without-letter.nmea").read_bytes().splitlines():
+        found = heading(make_driver(compass()).feed(line(data)))
+        assert (found.heading_mag_deg, found.deviation_deg, found.variation_deg) == (101.4, None, None)
+
+
+@pytest.mark.parametrize("variation", ["16.9,", "-16.9,W", "16.9,N"])
+def test_a_variation_whose_sign_is_unknown_is_refused(variation: str) -> None:
+    outcome = make_driver(compass()).feed(line(sealed(f"HCHDG,101.4,,,{variation}")))
+    assert outcome == Rejected("hemisphere", "compass1")

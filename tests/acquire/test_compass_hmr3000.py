@@ -108,23 +108,29 @@ def test_nothing_is_left_of_it_where_others_give_heading_and_attitude() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "true"),
+    ("before", "mag", "true", "deviation", "variation"),
     [
-        ("HCHDG,85.8,,,,", False),
-        ("HCHDG,85.8,1.0,E,,", False),
-        ("HCHDG,85.8,,,12.2,W", True),
-        ("HCHDT,86.2,T", True),
-        ("HCHDT,,T", False),
+        ("HCHDG,85.8,,,,", 354.9, None, None, None),
+        ("HCHDG,85.8,0.0,E,0.0,E", 354.9, None, None, None),
+        ("HCHDG,85.8,1.0,E,,", 353.9, None, 1.0, None),
+        ("HCHDG,85.8,,,12.2,W", 7.1, None, None, -12.2),
+        ("HCHDG,85.8,1.0,E,12.2,W", 6.1, None, 1.0, -12.2),
+        ("HCHDT,86.2,T", None, 354.9, None, None),
+        ("HCHDT,,T", 354.9, None, None, None),
         # Another device on the same port says nothing about this one.
-        ("GPHDT,86.2,T", False),
-        ("IIHDG,85.8,,,12.2,W", False),
+        ("GPHDT,86.2,T", 354.9, None, None, None),
+        ("IIHDG,85.8,,,12.2,W", 354.9, None, None, None),
     ],
 )
-def test_a_variation_programmed_in_the_device_makes_its_own_heading_a_true_one(before: str, true: bool) -> None:
+def test_what_is_programmed_in_the_device_is_taken_off_its_own_heading(
+    before: str, mag: float | None, true: float | None, deviation: float | None, variation: float | None
+) -> None:
+    """A variation that only an HDT betrays leaves it a true heading."""
     driver = make_driver(compass(model="hmr3000"))
     driver.feed(line(sealed(before)))
     found = heading(driver.feed(line(HPR, 3 * S)))
-    assert (found.heading_mag_deg, found.heading_true_deg) == ((None, 354.9) if true else (354.9, None))
+    assert (found.heading_mag_deg, found.heading_true_deg) == (mag, true)
+    assert (found.deviation_deg, found.variation_deg) == (deviation, variation)
 
 
 def test_raw_counts_are_not_claimed() -> None:

@@ -55,7 +55,7 @@ def check_fix(fix: Fix, formatter: str, f: list[str]) -> None:
         same_angle(fix.lon_deg, f[place + 2], f[place + 3], 3)
     if formatter == "GGA":
         assert fix.fix_quality is None if not f[5] else fix.fix_quality == exact(f[5])
-        assert fix.satellites is None if not f[6] else fix.satellites == exact(f[6])
+        check_satellites(fix, f[6])
         same(fix.hdop, f[7], 0, 99)
         same(fix.alt_m, f[8], -12000, 100000)
         assert fix.alt_m is None or f[9] == "M"
@@ -63,7 +63,7 @@ def check_fix(fix: Fix, formatter: str, f: list[str]) -> None:
     elif formatter == "GNS":
         qualities = {GNS_QUALITY[letter] for letter in f[5]}
         assert fix.fix_quality is None if not qualities else fix.fix_quality in qualities
-        assert fix.satellites is None if not f[6] else fix.satellites == exact(f[6])
+        check_satellites(fix, f[6])
         same(fix.hdop, f[7], 0, 99)
         same(fix.alt_m, f[8], -12000, 100000)
         assert fix.fix_quality or fix.lat_deg is None
@@ -77,6 +77,14 @@ def check_fix(fix: Fix, formatter: str, f: list[str]) -> None:
             same(fix.cog_true_deg, "0" if exact(f[7]) == 360 else f[7], 0, 360)
         if fix.utc_ns is not None:
             check_utc(fix.utc_ns, f[0], f[8][:2], f[8][2:4], f[8][4:])
+
+
+def check_satellites(fix: Fix, text: str) -> None:
+    """A fix with 0 satellites has a field that is filled in."""
+    if fix.satellites is None:
+        assert not text or (exact(text) == 0 and fix.fix_quality)
+    else:
+        assert fix.satellites == exact(text)
 
 
 def check_utc(utc_ns: int, clock: str, day: str, month: str, year: str) -> None:
@@ -96,10 +104,10 @@ def check_heading(heading: Heading, formatter: str, f: list[str]) -> None:
     if formatter == "HDG":
         for angle, text, side in ((heading.deviation_deg, f[1], f[2]), (heading.variation_deg, f[3], f[4])):
             if angle is None:
-                assert not text
+                assert not text or (exact(text) == 0 and not side)
             else:
                 assert side in ("E", "W")
-                same(-angle if side == "W" else angle, text, 0, 180)
+                same(-angle if side == "W" else angle, text, 0 if side == "W" else -180, 180)
 
 
 def decode(data: bytes) -> tuple[bool, list[Measurement]]:

@@ -48,7 +48,7 @@ def scaled(value: float | None, text: str, factor: Fraction) -> None:
 
 def check_target(found: RadarTarget, formatter: str, f: list[str]) -> None:
     f = [*f, *[""] * 16]
-    assert found.number == exact(f[0])
+    assert found.number == exact(f[0].strip(" "))
     status, clock = (f[11], f[13]) if formatter == "TTM" else (f[7], f[6])
     assert found.status == {"": None, "L": "lost", "Q": "acquiring", "T": "tracking"}[status]
     assert found.tod_ms is None if not clock else found.tod_ms == time_of_day(clock)

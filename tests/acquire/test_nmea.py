@@ -34,7 +34,6 @@ def read(data: bytes) -> object:
         (b"$" + b"1" * 512, "too-long"),
         (GGA[:30] + RMC, "run-together"),
         (GGA[30:] + RMC, "not-nmea"),
-        (b"\xb5\x62\x01" + GGA[:30] + RMC, "run-together"),
         (b"\xb5\x62\x01" + GGA[:-2] + b"7E", "checksum"),
         (b"\\s:GP0001*1C\\" + GGA[:-2] + b"7E", "checksum"),
         (b"\\s:GP0001*1C" + GGA, "not-nmea"),

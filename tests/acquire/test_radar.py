@@ -11,6 +11,7 @@ from common.messages import RadarTarget, RawLine
 from onboard.devices import Accepted, Driver, PortDecoder, Rejected, make_driver
 from onboard.reading.line_splitter import LineSplitter
 from tests.acquire.sentences import GGA, MS, line, measured, recording, sealed
+from tests.cases import CASES, needs_cases
 
 MOVING = b"$RATTM,01,0.52,247.9,T,11.3,235.8,T,0.11,-2.7,N,1 (Broadband 4G - 2782 B),T,,135647,M*6E"
 STILL = b"$RATTM,01,0.48,263.6,T,0.0,2.9,T,0.48,,N,1 (Broadband 4G - 2782 B),T,,134601,M*51"
@@ -199,3 +200,15 @@ def test_nothing_reckoned_from_a_speed_that_is_none() -> None:
     found = target(data)
     assert (found.status, found.sog_kn, found.cpa_m, found.tcpa_s) == ("acquiring", None, None, None)
     assert found.range_m is not None
+
+
+@needs_cases
+def test_ttm_number_with_space() -> None:
+    lines = (CASES / "board" / "ttm-number-with-space.nmea").read_bytes().splitlines()
+    assert [target(data).number for data in lines] == [1, 2, 3, 1, 2, 3]
+
+
+def test_a_place_of_zero_is_none_and_the_news_of_a_lost_target_stays() -> None:
+    place = "0000.0000,N,00000.0000,E"
+    assert target(sealed(f"RATLL,01,{place},,134601,L,")).lat_deg is None
+    assert driver().feed(line(sealed(f"RATLL,01,{place},,134601,T,"))) == Rejected("empty", "radar1")

@@ -222,7 +222,7 @@ def test_wrong_requests_are_refused_at_once(filters: tuple[str, ...], step_s: fl
     ("heading", "expected_deg"),
     [
         ({"heading_true_deg": 10.0}, 10.0),
-        ({"heading_mag_deg": 10.0, "variation_deg": -4.0}, 6.0),
+        ({"heading_mag_deg": 10.0, "variation_deg": -4.0}, 13.0),
         ({"heading_mag_deg": 10.0}, 13.0),
         ({"heading_mag_deg": 10.0, "deviation_deg": 2.0}, 15.0),
     ],
@@ -241,6 +241,10 @@ def test_the_boats_own_deviation_goes_before_the_devices() -> None:
     true = reader.true_heading(heading)
     assert true is not None
     assert math.degrees(true.heading_rad) == pytest.approx(-3.0)
+    none = tuple(replace(s, deviation_deg=0.0) for s in BOAT.sensor)
+    true = Reader(replace(BOAT, sensor=none), lambda told: None).true_heading(heading)
+    assert true is not None
+    assert math.degrees(true.heading_rad) == pytest.approx(2.0)
 
 
 def test_sensors_that_are_not_configured_are_not_fused() -> None:

@@ -7,12 +7,14 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from common.boat_config import BoatTable
+from common.boat_config import BoatConfig, BoatTable
 from common.messages import Event, Fix, Frame, Heading
 from common.units import NS_PER_S
+from onboard.devices import Accepted, Line, PortDecoder, make_driver
 from shore.navigation.magnetic_variation import Variation, decimal_year
 from shore.navigation.measurements import Reader, TrueHeading
 from shore.pipeline import Pipeline
+from tests.cases import CASES, needs_cases
 from tests.navigate.voyages import BOAT, sail
 from tests.strategies import numbered_frame
 
@@ -82,7 +84,17 @@ def test_it_is_worked_out_anew_after_ten_kilometres_or_a_day() -> None:
     assert told[0].level == "info"
 
 
-@pytest.mark.parametrize(("date", "same_as"), [((2007, 4, 7), 2025.0), ((2031, 5, 1), 2030.0)])
+@pytest.mark.parametrize(
+    ("year", "lat", "lon", "expected_deg"),
+    [(2010.0, 80.0, 0.0, -6.13), (2014.6, 46.2, 6.15, 1.25), (2020.0, 80.0, 0.0, -1.28), (2020.0, -80.0, 240.0, 69.36)],
+)
+def test_an_older_date_is_that_of_its_own_model(year: float, lat: float, lon: float, expected_deg: float) -> None:
+    """Test values of WMM2010 and WMM2020 (NOAA NCEI and BGS); the second is near Geneva, of the case old-log-2014."""
+    assert asked(lat, lon, utc_of(year))[0] == pytest.approx(expected_deg, abs=0.02)
+    assert [each.evidence["model"] for each in asked(lat, lon, utc_of(year))[1]] == [f"WMM{year // 5 * 5:.0f}"]
+
+
+@pytest.mark.parametrize(("date", "same_as"), [((2007, 4, 7), 2010.0), ((2031, 5, 1), 2030.0)])
 def test_outside_the_models_years_the_nearest_is_used_and_told_once(date: tuple[int, int, int], same_as: float) -> None:
     told: list[Event] = []
     variation = Variation(told.append)
@@ -186,19 +198,98 @@ def test_a_magnetic_heading_waits_for_the_fix_that_places_it() -> None:
     )
 
 
-def test_device_and_boats_file_go_before_the_model() -> None:
+HALIFAX = Fix(sensor="gps1", t_ns=0, lat_deg=44.65, lon_deg=-63.57)
+"""Variation -15.9 deg."""
+
+
+def true_degs(config: BoatConfig, variations: list[float | None]) -> tuple[list[float], list[Event]]:
+    """True headings of magnetic readings of 101.4 at Halifax, each with a variation of the device."""
     told: list[Event] = []
-    reader = Reader(replace(BOAT, boat=BoatTable(id="b", variation_deg=3.0)), told.append)
-    fix = Fix(sensor="gps1", t_ns=0, lat_deg=47.0, lon_deg=-52.0)
-    readings = tuple(
-        Heading(sensor="compass1", t_ns=k, heading_mag_deg=10.0, variation_deg=(None, -4.0)[k]) for k in range(2)
-    )
-    _, by_file, by_device = reader.read(dated_frame(0, fix, *readings))
-    assert isinstance(by_file, TrueHeading)
-    assert isinstance(by_device, TrueHeading)
-    assert math.degrees(by_file.heading_rad) == pytest.approx(13.0)
-    assert math.degrees(by_device.heading_rad) == pytest.approx(6.0)
+    reader = Reader(config, told.append)
+    readings = [
+        Heading(sensor="compass1", t_ns=k, heading_mag_deg=101.4, variation_deg=sent)
+        for k, sent in enumerate(variations)
+    ]
+    _, *found = reader.read(dated_frame(0, HALIFAX, *readings))
+    return [math.degrees(one.heading_rad) for one in found if isinstance(one, TrueHeading)], told
+
+
+def test_the_boats_file_goes_before_the_device_and_the_model() -> None:
+    found, told = true_degs(replace(BOAT, boat=BoatTable(id="b", variation_deg=3.0)), [None, -16.0, 0.0])
+    assert found == [pytest.approx(104.4)] * 3
     assert told == []
+
+
+def test_a_boats_file_with_a_variation_of_zero_is_an_answer() -> None:
+    assert true_degs(replace(BOAT, boat=BoatTable(id="b", variation_deg=0.0)), [-16.0])[0] == [pytest.approx(101.4)]
+
+
+def test_the_device_goes_before_the_model_while_the_two_agree() -> None:
+    found, told = true_degs(NO_VARIATION, [-16.9, -14.5])
+    assert found == [pytest.approx(84.5), pytest.approx(86.9)]
+    assert told == []
+
+
+def test_a_filled_in_zero_is_no_variation() -> None:
+    (empty, zero), told = true_degs(NO_VARIATION, [None, 0.0])
+    assert empty == zero == pytest.approx(85.5, abs=0.5)
+    assert [each.code for each in told] == ["variation-used"]
+
+
+def test_a_device_far_from_the_model_is_doubted_aloud_and_the_model_is_used() -> None:
+    (first, second), told = true_degs(NO_VARIATION, [16.0, 16.0])
+    assert first == second == pytest.approx(85.5, abs=0.5)
+    assert [each.code for each in told] == ["variation-doubted", "variation-used"]
+    assert told[0].evidence["variation_deg"] == 16.0
+    assert told[0].level == "warning"
+
+
+def test_before_a_fix_a_zero_of_the_device_is_nothing_and_any_other_value_is_taken() -> None:
+    reader = Reader(NO_VARIATION, lambda told: None)
+    reading = Heading(sensor="compass1", t_ns=0, heading_mag_deg=10.0, variation_deg=0.0)
+    assert reader.read(dated_frame(0, reading)) == ()
+    (found,) = reader.read(dated_frame(1, replace(reading, variation_deg=-4.0)))
+    assert isinstance(found, TrueHeading)
+    assert math.degrees(found.heading_rad) == pytest.approx(6.0)
+
+
+def test_where_the_model_is_unsure_a_device_is_not_doubted() -> None:
+    """Near the magnetic pole its own doubt is several degrees."""
+    told: list[Event] = []
+    variation = Variation(told.append)
+    variation.see(85.2, 139.0, utc_ns(2026, 6, 1))
+    model_deg = variation.east_deg(0, "compass1")
+    assert model_deg is not None
+    told.clear()
+    assert variation.east_deg(0, "compass1", model_deg + 4.0) == model_deg + 4.0
+    assert told == []
+
+
+@needs_cases
+@pytest.mark.parametrize("name", ["hdg-variation-zero", "hdg-no-variation"])
+def test_a_compass_at_halifax_has_the_models_variation(name: str) -> None:
+    data = (CASES / "board" / f"{name}.nmea").read_bytes().splitlines()
+    decoder = PortDecoder([make_driver(table) for table in BOAT.sensor if table.role in ("gps", "compass")])
+    found: list[Fix | Heading] = []
+    for k, line in enumerate(data):
+        outcome = decoder.feed(Line(k * 10**8, line))
+        assert isinstance(outcome, Accepted)
+        found += [one for one in outcome.measurements if isinstance(one, Fix | Heading)]
+    told: list[Event] = []
+    read = Reader(NO_VARIATION, told.append).read(dated_frame(0, *found))
+    headings = [math.degrees(one.heading_rad) for one in read if isinstance(one, TrueHeading)]
+    assert len(headings) == 60
+    assert all(heading == pytest.approx(85.5, abs=0.5) for heading in headings)
+
+
+def test_a_position_of_zero_is_no_measurement_and_is_told_once() -> None:
+    told: list[Event] = []
+    reader = Reader(BOAT, told.append)
+    zero = Fix(sensor="gps1", t_ns=0, lat_deg=0.0, lon_deg=0.0, fix_quality=1, status_valid=True)
+    assert not zero.usable
+    assert reader.read(dated_frame(0, zero, zero)) == ()
+    assert [each.code for each in told] == ["fix-zero"]
+    assert replace(zero, lon_deg=1e-6).usable
 
 
 def test_a_backfilled_fix_does_not_move_the_variation() -> None:

@@ -65,7 +65,8 @@ def place(draw: random.Random) -> tuple[float, float]:
     minute = 59.999999 / 60
     lat = one_of(draw, (90.0, -90.0, 0.0, -0.0, -1e-12, 50 + minute, -(49 + minute), 89 + minute), -90.0, 90.0)
     lon = one_of(draw, (180.0, -180.0, 0.0, -1e-12, 4 + minute, -(3 + minute), 179 + minute), -180.0, 180.0)
-    return lat, lon
+    # 0, 0 is what devices fill in, and no driver takes it
+    return (lat, lon) if abs(lat) + abs(lon) > 1e-6 else (lat, 4.0)
 
 
 def fix(draw: random.Random) -> Drawn:
@@ -78,7 +79,7 @@ def fix(draw: random.Random) -> Drawn:
         v_east_m_s=speed * math.sin(course) if moves else None,
         v_north_m_s=speed * math.cos(course) if moves else None,
         quality=draw.choice((0, 1, 1, 2, 4, 5)),
-        satellites=draw.randrange(0, 41),
+        satellites=draw.randrange(1, 41),
         hdop=draw.choice((None, 0.5, 1.1, draw.uniform(0.5, 50.0))),
         sigma_east_m=10 ** draw.uniform(-2.9, 2.9) if claims else None,
         sigma_north_m=10 ** draw.uniform(-2.9, 2.9) if claims else None,

@@ -6,6 +6,7 @@ electronics, can switch the checksum off (or put a serial number in its place): 
 
 import re
 
+from common.angles import wrap_deg
 from common.boat_config import SensorTable
 from common.clock import whole_us
 from common.framer import Measurement
@@ -29,9 +30,10 @@ class CompassDriver:
     Deviation and variation are handed on as sent; nothing is added to the heading here. A device that sends several
     heading sentences for one reading gives one Heading (`OneSource`); the others are accepted without measurement.
 
-    HMR3000: PTNTHPR already has the deviation and variation programmed in the device added, and does not say so. It
-    is taken as magnetic, until an HDG of the same device shows a variation or its HDT a heading: then it is true.
-    Do not program a variation into an HMR3000 that sends PTNTHPR alone.
+    HMR3000: PTNTHPR already has the deviation and variation programmed in the device added, and does not say so. What
+    an HDG of the same device shows of them is taken off again, so that the heading is magnetic and the owner's numbers
+    win ashore. Without HDG, an HDT with a heading shows that it is true. Do not program a variation into an HMR3000
+    that sends PTNTHPR alone.
 
     HSC100: a fluxgate knows no variation; Autonnic's manual calls the number of its HDT the compass heading too. HDT is
     taken as true, as it says: leave these on HDG, unless the variation was put into the device's heading offset.
@@ -46,6 +48,9 @@ class CompassDriver:
         self._turn_rates = OneSource()
         self._attitudes = OneSource()
         self._true_inside = False
+        """True while an HDT shows that PTNTHPR is true, and no HDG shows by how much."""
+        self._programmed = (0.0, 0.0)
+        """Deviation and variation that the last HDG of the device showed, deg, east +."""
 
     def claims(self, line: Line) -> bool:
         """The model's sentences, of the talkers configured (none = all; a maker's own sentence has no talker).
@@ -94,9 +99,10 @@ class CompassDriver:
 
     def _heading(self, source: str, t_ns: int, reading: HeadingReading) -> tuple[Measurement, ...] | None:
         if source == "HCHDG":
-            self._true_inside = reading.variation_deg is not None
+            self._programmed = reading.deviation_deg or 0.0, reading.variation_deg or 0.0
+            self._true_inside = False
         elif source == "HCHDT":
-            self._true_inside = reading.heading_true_deg is not None
+            self._true_inside = reading.heading_true_deg is not None and not self._programmed[1]
         if reading.heading_mag_deg is None and reading.heading_true_deg is None:
             # An HMR3000 without variation sends HDT for ever empty beside the sentence that is used: no fault.
             return () if self._headings.covers(source, t_ns) else None
@@ -116,11 +122,17 @@ class CompassDriver:
         tilted = reading.pitch_deg is not None or reading.roll_deg is not None
         attitude_used = tilted and self._attitudes.admits(source, sentences.RANK[source], t_ns)
         if self._headings.admits(source, sentences.RANK[source], t_ns):
+            deviation_deg, variation_deg = self._programmed
+            mag_deg = reading.heading_deg
+            if deviation_deg or variation_deg:
+                mag_deg = round(wrap_deg(mag_deg - deviation_deg - variation_deg), 6)
             heading = Heading(
                 sensor=self.sensor,
                 t_ns=t_ns,
-                heading_mag_deg=None if self._true_inside else reading.heading_deg,
+                heading_mag_deg=None if self._true_inside else mag_deg,
                 heading_true_deg=reading.heading_deg if self._true_inside else None,
+                deviation_deg=deviation_deg or None,
+                variation_deg=variation_deg or None,
                 pitch_deg=reading.pitch_deg,
                 roll_deg=reading.roll_deg,
                 warning=reading.warning,

@@ -159,8 +159,9 @@ def _temperature(text: str | None) -> float | None:
 
 
 def _strength(axes: list[float | None]) -> float | None:
+    """Microtesla; `None` too where all three are 0, which no place on earth has."""
     known = [axis for axis in axes if axis is not None]
-    return math.hypot(*known) if len(known) == 3 else None
+    return (math.hypot(*known) or None) if len(known) == 3 else None
 
 
 def _heading(sensor: str, t_ns: int, word: Word) -> Heading:

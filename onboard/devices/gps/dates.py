@@ -1,11 +1,11 @@
 """Dates of satellite receivers: how they are read (two-digit years are 1980 to 2079), and which can be (week rollover).
 
 A GPS week number begins again every 1024 weeks (19.6 years); a receiver whose firmware does not know the present turn
-gives a date that much in the past, with the right time of day. Such a date is repaired, +1024 weeks, only where the
-result is proved: by a mapping that it meets to the second (another receiver, or itself before its turn), or by the
-board's file, whose owner knows the receiver. A daemon alone cannot tell it from an old recording that is played, so
-else it is offered in words and not used. What is repaired says so in `source`, and `utc_src` stays `gnss`: all but the
-turn is the receiver's own.
+gives a date that much in the past, twice that much if the firmware is from before 1999, with the right time of day.
+Such a date is repaired, +1024 or +2048 weeks, only where the result is proved: by a mapping that it meets to the second
+(another receiver, or itself before its turn), or by the board's file, whose owner knows the receiver. A daemon alone
+cannot tell it from an old recording that is played, so else it is offered in words and not used. What is repaired says
+so in `source`, and `utc_src` stays `gnss`: all but the turn is the receiver's own.
 """
 
 import re
@@ -88,8 +88,8 @@ class Dates:
         if EARLIEST_UTC_NS <= pair.utc_ns < LATEST_UTC_NS:
             self._note(pair, None)
             return pair
-        later = replace(pair, utc_ns=pair.utc_ns + ROLLOVER_NS, source=f"{pair.source}+1024w")
-        if not EARLIEST_UTC_NS <= later.utc_ns < LATEST_UTC_NS:
+        later = _repaired(pair)
+        if later is None:
             self._note(pair, "date-refused", date=_text(pair))
             return None
         is_met = known.utc_ns is not None and abs(later.utc_ns - known.utc_ns) <= MET_NS
@@ -109,6 +109,15 @@ class Dates:
         if self._odd[key] >= TOLD_AFTER and key not in self._told:
             self._told.add(key)
             self._tell(event(code, pair.t_ns, pair.sensor, sensor=pair.sensor, **evidence))
+
+
+def _repaired(pair: ClockPair) -> ClockPair | None:
+    """The pair after one turn of the weeks, else after two; `None` = neither date can be."""
+    for turns in (1, 2):
+        utc_ns = pair.utc_ns + turns * ROLLOVER_NS
+        if EARLIEST_UTC_NS <= utc_ns < LATEST_UTC_NS:
+            return replace(pair, utc_ns=utc_ns, source=f"{pair.source}+{1024 * turns}w")
+    return None
 
 
 def _text(pair: ClockPair) -> str:

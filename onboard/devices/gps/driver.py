@@ -1,12 +1,17 @@
 """NMEA GNSS receivers (BU-353-S4, u-blox and others): one Fix for each receiver epoch.
 
 Position from GGA, else GNS, RMC, GLL; SOG and COG from RMC, else VTG; mode and dilutions from GSA; date from the
-epoch's own RMC or ZDA; sigmas from GST. One antenna with the talkers GP, GL, GA and GN is one sensor.
+epoch's own RMC, else from the last ZDA; sigmas from GST. One antenna with the talkers GP, GL, GA and GN is one sensor.
 
 VTG and GSA carry no time, and some receivers send them before the position. They wait for the next sentence with a
 time, or for quiet: of the epoch before or of the one after, by the longest pause among them.
+
+ZDA is a clock: some receivers send the time of its transmission, GPS time, or the time of seconds to come. It neither
+opens nor closes an epoch, and gives a time of day only where there are no epochs.
 """
 
+from collections import deque
+from dataclasses import dataclass
 from typing import Final
 
 from common.boat_config import SensorTable
@@ -16,7 +21,8 @@ from common.messages import ClockPair, RawLine
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices import nmea_parser as nmea
 from onboard.devices.driver import Accepted, Ignored, Line, Outcome, Rejected
-from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, UntimedLine, epoch_of_each, fix_of
+from onboard.devices.gps.epoch import QUIET_NS, Epoch, RepeatWatch, UntimedLine, epoch_of_each, fix_of, stamp_of
+from onboard.devices.gps.epoch_times import EpochTimes, Place, Stamp
 from onboard.devices.gps.sentences import FORMS, Gsa, Gst, Rmc, Timed, Vtg, Zda
 from onboard.devices.nmea_sentence import address, check_sentence
 
@@ -27,9 +33,25 @@ between the GGA and the RMC of one epoch."""
 BUSY_NS: Final = 400 * NS_PER_MS
 """Time after which an epoch is complete, ns, even where other devices leave the port no quiet."""
 _CLOCK_MODES: Final = frozenset({"A", "D", "F", "P", "R"})
-RMC_RULES_NS: Final = 10 * NS_PER_S
-"""Time after a ClockPair of RMC in which the time of ZDA is not taken, ns: some receivers date ZDA ahead (an AC12 by 2
-s)."""
+SAME_TIME_NS: Final = 500 * NS_PER_MS
+"""Age after which the same UTC time in a sentence means that the receiver's time stands still, ns."""
+RECENT_NS: Final = 10 * NS_PER_S
+"""Time for which RMC rules over ZDA, the epochs rule over the time of ZDA, and a ZDA dates epochs, ns: some receivers
+date ZDA ahead (an AC12 by 2 s)."""
+MOST_DOUBTED: Final = 16
+ASIDE: Final = "set aside"
+"""Mark behind the kind of a sentence that was read and not used: its time is not that of the epochs (`epoch_times`)."""
+
+
+@dataclass(slots=True)
+class HeardZda:
+    """The last ZDA with a date."""
+
+    reading: Zda
+    t_ns: int
+    """Boat time of its arrival, ns."""
+    waits: bool = True
+    """No ClockPair is made with it yet."""
 
 
 class GpsDriver:
@@ -44,6 +66,10 @@ class GpsDriver:
         self._waiting: list[UntimedLine] = []
         self._gst: Gst | None = None
         """The last GST: an epoch of the same UTC takes it when it closes, and never waits for one."""
+        self._zda: HeardZda | None = None
+        self._times = EpochTimes()
+        self._doubted: deque[Epoch] = deque(maxlen=MOST_DOUBTED)
+        """Epochs of a single GLL each that wait for a leader."""
         self._last_ns = 0
         """Boat time of the end of the receiver's last line, ns."""
         self._rmc_paired_ns: int | None = None
@@ -74,9 +100,9 @@ class GpsDriver:
             return ()
         if self._open is None:
             self._waiting.clear()
-            return ()
+            return self._pair_of_zda_alone()
         self._settle(len(self._waiting))
-        return self._close()
+        return (*self._close(), *self._pair_of_zda_alone())
 
     def _decode(self, line: Line) -> Outcome:
         sentence = check_sentence(line.data)
@@ -91,27 +117,83 @@ class GpsDriver:
         if isinstance(reading, Gst):
             self._gst = reading
             return Accepted(self.sensor, sentence.formatter, (raw,))
+        if isinstance(reading, Zda):
+            if reading.date is not None:
+                self._zda = HeardZda(reading, line.t_ns)
+            return Accepted(self.sensor, sentence.formatter, (raw,))
         name = sentence.talker + sentence.formatter
         if isinstance(reading, Vtg | Gsa):
             self._waiting.append(UntimedLine(name, reading, line.t_ns, line.end_ns or line.t_ns, self._last_ns))
             return Accepted(self.sensor, sentence.formatter, (raw,))
         epoch, due = self._join_timed(name, reading, line.t_ns)
-        return Accepted(self.sensor, sentence.formatter, (*due, raw, *self._clock_pair(epoch, reading)))
+        if epoch is None:
+            return Accepted(self.sensor, f"{sentence.formatter} {ASIDE}", (raw,))
+        return Accepted(self.sensor, sentence.formatter, (*due, raw, *self._pair_of_rmc(epoch, reading)))
 
-    def _join_timed(self, name: str, reading: Timed, t_ns: int) -> tuple[Epoch, tuple[Measurement, ...]]:
-        """The epoch the sentence went into, and what its coming completed."""
+    def _join_timed(self, name: str, reading: Timed, t_ns: int) -> tuple[Epoch | None, tuple[Measurement, ...]]:
+        """The epoch the sentence went into, `None` = it is set aside; and what its coming completed."""
         due: tuple[Measurement, ...] = ()
+        stamp = stamp_of(name, reading)
+        if stamp is not None:
+            self._times.learn(name, stamp.tod_ms)
         # A closed epoch still takes a late sentence: its Fix is out, and a second one would be fused twice.
         epoch = self._open or self._closed
-        if epoch is None or not epoch.holds(reading.tod_ms, name, t_ns):
+        if epoch is None or not self._belongs(epoch, name, stamp, t_ns):
+            place = Place.OPENS if epoch is None else self._place(epoch, name, reading, t_ns)
+            if place is Place.ASIDE:
+                return None, ()
+            if place is Place.DOUBTED:
+                epoch = Epoch(t_ns, t_ns)
+                epoch.add(name, reading)
+                self._doubted.append(epoch)
+                return None if self._times.is_contradicted(name) else epoch, ()
             before = epoch_of_each(self._waiting, self._last_ns, t_ns, open_before=self._open is not None)
             self._settle(before)
-            due = self._close()
+            due = self._judge_doubted(stamp, t_ns)
             first_ns = self._waiting[0].t_ns if self._waiting else t_ns
-            epoch = self._open = Epoch(first_ns, t_ns, reading.tod_ms)
+            epoch = self._open = Epoch(first_ns, t_ns)
         self._settle(len(self._waiting))
         epoch.add(name, reading)
+        if reading.position is not None:
+            self._times.had_place(stamp, reading.position.text, t_ns)
         return epoch, due
+
+    def _belongs(self, epoch: Epoch, name: str, stamp: Stamp | None, t_ns: int) -> bool:
+        """Does a sentence of that time belong here? One without time (cold start) joins what is still going on."""
+        if stamp is None or epoch.stamp is None:
+            return name not in epoch.seen and t_ns - epoch.last_ns < QUIET_NS
+        if name in epoch.seen:
+            return stamp.tod_ms == epoch.tod_ms and t_ns - epoch.t_ns < SAME_TIME_NS
+        return self._times.are_one(epoch.stamp, stamp)
+
+    def _place(self, epoch: Epoch, name: str, reading: Timed, t_ns: int) -> Place:
+        """What to do with a sentence that does not belong to the newest epoch."""
+        stamp = stamp_of(name, reading)
+        if stamp is None or epoch.stamp is None or t_ns - epoch.t_ns >= RECENT_NS:
+            return Place.OPENS
+        place = None if reading.position is None else reading.position.text
+        return self._times.place_of(name, stamp, place, epoch.stamp, t_ns)
+
+    def _judge_doubted(self, leader: Stamp | None, t_ns: int) -> tuple[Measurement, ...]:
+        """The Fix of the open epoch and those of the doubted ones that a leader confirms; the others are lost."""
+        doubted = [epoch for epoch in self._doubted if t_ns - epoch.t_ns < RECENT_NS]
+        self._doubted.clear()
+        stamp = None if self._open is None else self._open.stamp
+        opened_by_follower = stamp is not None and leader is not None and stamp.rank < leader.rank
+        # A follower opens one before any leader is known, and once it was confirmed.
+        if opened_by_follower and not self._is_confirmed(self._open, leader):
+            self._open = None
+        due = self._close()
+        for epoch in doubted:
+            if self._is_confirmed(epoch, leader):
+                self._open = epoch
+                due += self._close()
+        return due
+
+    def _is_confirmed(self, epoch: Epoch | None, leader: Stamp | None) -> bool:
+        if epoch is None or epoch.stamp is None or leader is None:
+            return False
+        return self._times.confirms(epoch.seen, epoch.stamp, leader)
 
     def _settle(self, count: int) -> None:
         """The first `count` of the waiting sentences belong to the open epoch."""
@@ -124,35 +206,57 @@ class GpsDriver:
         epoch, self._open = self._open, None
         if epoch is None:
             return ()
-        self._closed = epoch if epoch.has_fix else None
-        if not epoch.has_fix:
-            return ()
+        self._closed = epoch
+        zda = self._zda_near(epoch.t_ns)
         held = self._watch.held(epoch.position, epoch.tod_ms, epoch.speed_and_course[0])
-        return (fix_of(epoch, self.sensor, self._valid_ns(epoch), held=held, gst=self._gst),)
+        fix = fix_of(epoch, self.sensor, self._valid_ns(epoch.t_ns), held=held, gst=self._gst, zda=zda)
+        return (fix, *self._pair_of_zda(epoch))
 
-    def _clock_pair(self, epoch: Epoch, reading: Timed) -> tuple[ClockPair, ...]:
-        """UTC beside the arrival of the epoch's first byte less the latency, from RMC status A or from ZDA.
+    def _pair_of_rmc(self, epoch: Epoch, reading: Timed) -> tuple[ClockPair, ...]:
+        """UTC beside the arrival of the epoch's first byte less the latency, from RMC status A.
 
         Whatever the date is: `onboard.devices.gps.dates` judges it.
 
         Not the arrival of RMC itself: what stands before it in the burst, GSV groups above all, changes from second to
         second and would move the pair by up to 0.45 s at 4800 baud.
         """
-        if epoch.paired or not isinstance(reading, Rmc | Zda) or epoch.status_valid is False:
+        if epoch.paired or not isinstance(reading, Rmc) or not reading.status_valid or epoch.status_valid is False:
             return ()
-        if isinstance(reading, Rmc) and (not reading.status_valid or (reading.mode or "A") not in _CLOCK_MODES):
+        if (reading.mode or "A") not in _CLOCK_MODES or reading.date is None:
             return ()
-        utc_ns = epoch.utc_ns
-        if reading.date is None or utc_ns is None:
-            return ()
-        last_ns = self._rmc_paired_ns
-        if isinstance(reading, Zda) and last_ns is not None and epoch.t_ns - last_ns < RMC_RULES_NS:
-            return ()
-        if isinstance(reading, Rmc):
-            self._rmc_paired_ns = epoch.t_ns
-        epoch.paired = True
-        source = "RMC" if isinstance(reading, Rmc) else "ZDA"
-        return (ClockPair(sensor=self.sensor, t_ns=self._valid_ns(epoch), utc_ns=utc_ns, source=source),)
+        self._rmc_paired_ns = epoch.t_ns
+        return self._pair(epoch, None)
 
-    def _valid_ns(self, epoch: Epoch) -> int:
-        return whole_us(epoch.t_ns - self._latency_ns)
+    def _pair_of_zda(self, epoch: Epoch) -> tuple[ClockPair, ...]:
+        """The same for a receiver without RMC, when the epoch is complete: its time on the date of the last ZDA."""
+        last_ns, zda = self._rmc_paired_ns, self._zda_near(epoch.t_ns)
+        if zda is None or epoch.status_valid is False or (last_ns is not None and epoch.t_ns - last_ns < RECENT_NS):
+            return ()
+        return () if epoch.paired or epoch.tod_ms is None else self._pair(epoch, zda)
+
+    def _pair(self, epoch: Epoch, zda: Zda | None) -> tuple[ClockPair, ...]:
+        utc_ns = epoch.utc_ns(zda)
+        if utc_ns is None:
+            return ()
+        epoch.paired = True
+        t_ns, source = self._valid_ns(epoch.t_ns), "RMC" if zda is None else "ZDA"
+        return (ClockPair(sensor=self.sensor, t_ns=t_ns, utc_ns=utc_ns, source=source),)
+
+    def _pair_of_zda_alone(self) -> tuple[ClockPair, ...]:
+        """UTC of a ZDA beside its arrival, where no epoch has come for 10 s."""
+        zda = self._zda
+        if zda is None or not zda.waits:
+            return ()
+        zda.waits = False
+        if self._closed is not None and self._closed.tod_ms is not None and zda.t_ns - self._closed.t_ns < RECENT_NS:
+            return ()
+        tod_ms = zda.reading.tod_ms
+        return () if tod_ms is None else self._pair(Epoch(zda.t_ns, zda.t_ns, Stamp(tod_ms, 1, 0)), zda.reading)
+
+    def _zda_near(self, t_ns: int) -> Zda | None:
+        """The last ZDA, if it came within 10 s of that time."""
+        zda = self._zda
+        return None if zda is None or abs(zda.t_ns - t_ns) >= RECENT_NS else zda.reading
+
+    def _valid_ns(self, t_ns: int) -> int:
+        return whole_us(t_ns - self._latency_ns)

@@ -1,18 +1,17 @@
-"""GNSS epoch assembly: the sentences that share one UTC time, and the Fix they make together."""
+"""GNSS epoch assembly: the sentences of one UTC time (`epoch_times` says which), and the Fix they make together."""
 
 from dataclasses import dataclass, field
 from datetime import date
 from typing import Final
 
 from common.messages import Fix
-from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
+from common.units import M_S_PER_KN, NS_PER_MS
+from onboard.devices.gps.epoch_times import Stamp, rank_of
 from onboard.devices.gps.sentences import Gga, Gll, Gsa, Gst, Rmc, Timed, Untimed, Vtg, Zda
-from onboard.devices.nmea_fields import DAY_MS, Position
+from onboard.devices.nmea_fields import DAY_MS, Position, tod_step_ms
 
 QUIET_NS: Final = 150 * NS_PER_MS
 """Quiet time on the port after which an epoch is complete, ns."""
-SAME_TIME_NS: Final = 500 * NS_PER_MS
-"""Age after which the same UTC time in a sentence means that the receiver's time stands still, ns."""
 COURSE_ABOVE_KN: Final = 1.0
 """Least speed of a course, kn: below it receivers freeze or invent the course."""
 HELD_STEPS: Final = 2.0
@@ -38,7 +37,8 @@ class Epoch:
     """Boat time of arrival of the first byte, ns."""
     last_ns: int
     """Boat time of arrival of the last byte so far, ns."""
-    tod_ms: int | None
+    stamp: Stamp | None = None
+    """UTC time of day: that of the sentence that leads, of several the most finely written."""
     seen: set[str] = field(default_factory=set)
     """Address (talker and formatter) of each sentence so far."""
     gga: Gga | None = None
@@ -47,15 +47,8 @@ class Epoch:
     gll: Gll | None = None
     vtg: Vtg | None = None
     gsa: Gsa | None = None
-    zda: Zda | None = None
     paired: bool = False
     """True once the ClockPair of the epoch is out."""
-
-    def holds(self, tod_ms: int | None, address: str, t_ns: int) -> bool:
-        """Does a sentence of that time belong here? One without time (cold start) joins what is still going on."""
-        if tod_ms is None or self.tod_ms is None:
-            return address not in self.seen and t_ns - self.last_ns < QUIET_NS
-        return tod_ms == self.tod_ms and (address not in self.seen or t_ns - self.t_ns < SAME_TIME_NS)
 
     def add(self, address: str, reading: EpochReading) -> None:
         """Take a sentence in; `address` is talker and formatter (`GPGGA`)."""
@@ -64,13 +57,14 @@ class Epoch:
         if before is None or (not _has_solution(before) and _has_solution(reading)):
             setattr(self, name, reading)
         self.seen.add(address)
-        if self.tod_ms is None and not isinstance(reading, Vtg | Gsa):
-            self.tod_ms = reading.tod_ms
+        stamp = None if isinstance(reading, Vtg | Gsa) else stamp_of(address, reading)
+        if stamp is not None and (self.stamp is None or _precedence(stamp) > _precedence(self.stamp)):
+            self.stamp = stamp
 
     @property
-    def has_fix(self) -> bool:
-        """ZDA, VTG and GSA alone make no fix."""
-        return any(reading is not None for reading in (self.gga, self.gns, self.rmc, self.gll))
+    def tod_ms(self) -> int | None:
+        """UTC time of day, ms."""
+        return None if self.stamp is None else self.stamp.tod_ms
 
     @property
     def status_valid(self) -> bool | None:
@@ -81,15 +75,14 @@ class Epoch:
 
     @property
     def position(self) -> Position | None:
-        """GGA or GNS with a quality above 0, else RMC, else GLL; an invalid epoch's filling of zeros is no position."""
+        """GGA or GNS with a quality above 0, else RMC, else GLL."""
         graded = self.graded
         if graded is not None and graded.position is not None:
             return graded.position
         for reading in (self.rmc, self.gll):
             if reading is None or reading.position is None or reading.status_valid is None:
                 continue
-            filling = reading.position.lat_deg == 0.0 and reading.position.lon_deg == 0.0
-            if reading.status_valid or not (filling or (graded is not None and graded.quality == 0)):
+            if reading.status_valid or graded is None or graded.quality != 0:
                 return reading.position
         return None
 
@@ -110,7 +103,12 @@ class Epoch:
 
     @property
     def speed_and_course(self) -> tuple[float | None, float | None]:
-        """SOG in kn and COG in degrees true from RMC, else VTG; no course below `COURSE_ABOVE_KN`."""
+        """SOG in kn and COG in degrees true from RMC, else VTG; no course below `COURSE_ABOVE_KN`.
+
+        None at all without a position: receivers fill in 0.0.
+        """
+        if self.position is None:
+            return None, None
         for reading in (self.rmc, self.vtg):
             if reading is None or reading.sog_kn is None or reading.mode == "N":
                 continue
@@ -118,25 +116,36 @@ class Epoch:
             return reading.sog_kn, reading.cog_true_deg if moving else None
         return None, None
 
-    @property
-    def utc_ns(self) -> int | None:
-        """UTC with the date of this epoch's own RMC (status A) or ZDA.
+    def utc_ns(self, zda: Zda | None) -> int | None:
+        """UTC: the epoch's time of day on the date of its own RMC (status A), else of `zda`, a recent one.
 
-        A receiver under status V sends a default date. None in a leap second too, which POSIX time cannot name.
+        The date goes with the time beside it, which may be on the other side of midnight. A receiver under status V
+        sends a default date. None in a leap second too, which POSIX time cannot name.
         """
         if self.tod_ms is None or self.tod_ms >= DAY_MS:
             return None
-        day = self.rmc.date if self.rmc is not None and self.rmc.status_valid else None
-        if day is None and self.zda is not None:
-            day = self.zda.date
-        return None if day is None else (day - _FIRST_DAY).days * 86_400 * NS_PER_S + self.tod_ms * NS_PER_MS
+        dated = self.rmc if self.rmc is not None and self.rmc.status_valid and self.rmc.date is not None else zda
+        if dated is None or dated.date is None:
+            return None
+        then_ms = self.tod_ms if dated.tod_ms is None else dated.tod_ms
+        day_ms = (dated.date - _FIRST_DAY).days * DAY_MS
+        return (day_ms + then_ms + tod_step_ms(then_ms, self.tod_ms)) * NS_PER_MS
+
+
+def stamp_of(address: str, reading: Timed) -> Stamp | None:
+    """The time of a sentence; `None` = the field is empty."""
+    return None if reading.tod_ms is None else Stamp(reading.tod_ms, reading.step_ms, rank_of(address))
+
+
+def _precedence(stamp: Stamp) -> tuple[int, int]:
+    return stamp.rank, -stamp.step_ms
 
 
 def _has_solution(reading: EpochReading) -> bool:
     """Only GGA, GNS, RMC, GLL and GSA can be without one."""
     if isinstance(reading, Gsa):
         return reading.fix_mode is not None and reading.fix_mode > 1
-    return isinstance(reading, Vtg | Zda) or reading.position is not None
+    return isinstance(reading, Vtg) or reading.position is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,8 +179,8 @@ def epoch_of_each(waiting: list[UntimedLine], last_ns: int, next_ns: int, *, ope
     return max(apart, default=0)
 
 
-def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool, gst: Gst | None = None) -> Fix:
-    """The Fix of a complete epoch, valid at `t_ns`; gst: the last that came, of whatever epoch."""
+def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool, gst: Gst | None = None, zda: Zda | None = None) -> Fix:
+    """The Fix of a complete epoch, valid at `t_ns`; gst, zda: the last that came, of whatever epoch."""
     graded, gsa, position = epoch.graded, epoch.gsa, epoch.position
     sog_kn, cog_true_deg = epoch.speed_and_course
     gsa_hdop = None if gsa is None else gsa.hdop
@@ -192,7 +201,7 @@ def fix_of(epoch: Epoch, sensor: str, t_ns: int, *, held: bool, gst: Gst | None 
         vdop=None if gsa is None else gsa.vdop,
         sog_kn=sog_kn,
         cog_true_deg=cog_true_deg,
-        utc_ns=epoch.utc_ns,
+        utc_ns=epoch.utc_ns(zda),
         tod_ms=epoch.tod_ms,
         held=held,
         sigma_east_m=None if gst is None else gst.sigma_east_m,

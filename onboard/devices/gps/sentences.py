@@ -33,9 +33,12 @@ class Gga:
     """0 none, 1 GPS, 2 DGPS, 3 PPS, 4 RTK fixed, 5 RTK float, 6 estimated, 7 manual, 8 simulator. Of GNS the best of
     the letters, of which there is one for each constellation (`AANN` = 1, `RRNN` = 4)."""
     satellites: int | None
+    """Number of satellites in use; `None` too where a fix claims 0."""
     hdop: float | None
     alt_m: float | None
     """Height above mean sea level, m."""
+    step_ms: int = 1
+    """How finely `tod_ms` is written, ms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +54,7 @@ class Rmc:
     date: date | None
     mode: str | None
     """Mode of the fix, a letter of `MODES`; `None` before NMEA 2.3."""
+    step_ms: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +85,7 @@ class Gll:
     status_valid: bool | None
     position: Position | None
     mode: str | None
+    step_ms: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +105,8 @@ class Gst:
     sigma_north_m: float | None
 
 
-Timed = Gga | Rmc | Gll | Zda
+Timed = Gga | Rmc | Gll
+"""Sentences whose time is that of the epoch; the time of ZDA is that of a clock."""
 Untimed = Vtg | Gsa
 
 
@@ -112,9 +118,10 @@ def _gga(text: Text) -> Gga:
         # Without a fix some receivers fill the place in: MTK sends 8960.0000,N.
         position=_position(text) if quality else None,
         quality=quality,
-        satellites=fields.whole_number(text("num_sats"), 0, 200),
+        satellites=_satellites(text("num_sats"), quality),
         hdop=fields.dilution(text("horizontal_dil")),
         alt_m=fields.unit(alt_m, text("altitude_units"), "M"),
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
 
 
@@ -124,10 +131,16 @@ def _gns(text: Text) -> Gga:
         tod_ms=fields.time_of_day_ms(text("timestamp")),
         position=_position(text) if quality else None,
         quality=quality,
-        satellites=fields.whole_number(text("satellites"), 0, 200),
+        satellites=_satellites(text("satellites"), quality),
         hdop=fields.dilution(text("hdop")),
         alt_m=fields.number(text("altitude"), -12_000.0, 100_000.0),
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
+
+
+def _satellites(text: str, quality: int | None) -> int | None:
+    count = fields.whole_number(text, 0, 200)
+    return None if quality and not count else count
 
 
 def _best_quality(letters: str) -> int | None:
@@ -149,6 +162,7 @@ def _rmc(text: Text) -> Rmc:
         cog_true_deg=fields.direction(text("true_course")),
         date=short_date(text("datestamp")),
         mode=mode,
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
 
 
@@ -181,6 +195,7 @@ def _gll(text: Text) -> Gll:
         status_valid=status_valid,
         position=None if mode == "N" else _position_under(text, status_valid),
         mode=mode,
+        step_ms=fields.time_step_ms(text("timestamp")),
     )
 
 
@@ -247,7 +262,7 @@ _GNS_FIELDS: Final = (
 
 _GST_NAMES: Final = ("timestamp", "rms", "major", "minor", "orientation", "north", "east", "up")
 
-FORMS: Final[dict[str, Form[Timed | Untimed | Gst]]] = {
+FORMS: Final[dict[str, Form[Timed | Untimed | Zda | Gst]]] = {
     "GGA": Form(10, 15, _gga),
     # Older versions of pynmea2 name its fields differently.
     "GNS": Form(10, 13, _gns, _GNS_FIELDS),

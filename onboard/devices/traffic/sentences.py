@@ -68,7 +68,7 @@ def _ttm(text: Text) -> TargetReading:
     cpa_m = _metres(text("cpa"), letter)
     tcpa_min = fields.number(text("tcpa"), -1e9, 1e9)
     # While it acquires a target, and once it has lost it, the radar fills in speed 0 and its variation for the course;
-    # the closest approach is reckoned from these.
+    # the closest approach is reckoned from these. A range or closest approach of 0 may be a small one, rounded.
     if status in ("acquiring", "lost"):
         speed_kn, course, cpa_m = None, Bearing(), None
     if speed_kn == 0.0:
@@ -96,12 +96,21 @@ def _tll(text: Text) -> TargetReading:
         status=_status(text),
         name=text("name")[:LONGEST_NAME] or None,
         tod_ms=fields.time_of_day_ms(text("time")),
-        position=fields.position(text("lat"), text("lat_dir"), text("lon"), text("lon_dir")),
+        position=_position(text),
     )
 
 
+def _position(text: Text) -> Position | None:
+    try:
+        return fields.position(text("lat"), text("lat_dir"), text("lon"), text("lon_dir"))
+    except FieldFault as fault:
+        if fault.reason != "zero-position":
+            raise
+        return None  # the news of a lost target is good without a place
+
+
 def _number(text: Text) -> int:
-    number = fields.whole_number(text("number"), 0, 9999)
+    number = fields.whole_number(text("number").strip(" "), 0, 9999)  # some radars pad it with blanks
     if number is None:
         raise FieldFault("fields")
     return number
