@@ -27,8 +27,8 @@ from shore.navigation.numbers import Array, Number, clip, larger, smaller
 from shore.navigation.refilter_start import Assumed, Opening, Operation, Passed
 from shore.navigation.sensor_facts import FilterFacts
 from shore.navigation.state_space import Gaussian, StateSpace
-from shore.navigation.trust.boat_trust import after_prediction, fuse
-from shore.navigation.trust.inputs import PredictionStep, drives
+from shore.navigation.trust.boat_trust import before_prediction, fuse
+from shore.navigation.trust.inputs import PredictionStep, drives, passed
 from shore.navigation.trust.memory import Regard, Trust
 
 PLAIN: Final = Regard()
@@ -193,7 +193,10 @@ class Filter:
         self._state = self.estimate._replace(noise=noise)
 
     def _pass(self, dt_s: float, imu: ImuInput | None) -> Predicted:
-        state, boat = self.estimate, self.facts.boat
+        boat = self.facts.boat
+        if boat is not None and self.estimate.trust is not None:
+            before_prediction(boat, self)
+        state = self.estimate
         before = state.gaussian
         needs_speed = boat is not None or before.space.places[3] is not None
         ahead = speed_ahead(before.space, before.x) if needs_speed else 0.0
@@ -205,7 +208,7 @@ class Filter:
         step = PredictionStep(before, float(ahead), dt_s, imu)
         used, noise = drives(boat, step, state.trust, noise)
         predicted = self._moved(self._predict(before, dt_s, used, noise))
-        after_prediction(boat, self, step)
+        passed(boat, self, step)
         return predicted
 
     def _moved(self, predicted: Predicted) -> Predicted:

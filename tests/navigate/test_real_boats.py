@@ -6,11 +6,20 @@ so few boats where the comment says so.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from benchmarks.honesty import boat_of
 from benchmarks.stress import Run, figures_of, one_boat
 from benchmarks.stress_rows import rows_named
+from common.messages import Frame
+from common.simulation.scenarios import find_world
+from common.simulation.voyage import boat_voyage
+from common.simulation.without_ports import frames_of
+from shore.pipeline import Pipeline
 
 BOATS, SECONDS = 3, 400.0
 
@@ -91,3 +100,40 @@ def test_a_receiver_alone_at_rest_has_a_position() -> None:
     figures, _ = sailed("gps-only-rest", boats=2)
     assert figures["given"] >= 0.99
     assert figures["in95"] >= 0.9
+
+
+def test_waves_blame_no_gyro_and_the_doubt_of_the_heading_holds() -> None:
+    figures, _ = sailed("waves-12")
+    assert figures["blamed"] == 0
+    assert figures["heading_e_s"] <= 1.0
+
+
+def test_the_path_does_not_move_when_every_stamp_is_a_microsecond_off() -> None:
+    config = boat_of(1.0)
+    frames = list(frames_of(boat_voyage(find_world("real-coast"), config, 3, 60.0)))
+
+    def path(shift_ns: int) -> list[tuple[float, ...]]:
+        pipeline = Pipeline(config, ["fuzzy"])
+        return [item.state for frame in frames for item in pipeline.push(shifted(frame, shift_ns)).estimates]
+
+    straight = np.array(path(0))
+    for shift_ns in (-1000, 1000):
+        apart = np.abs(np.array(path(shift_ns)) - straight)[:, :5]
+        apart[:, 4] = np.minimum(apart[:, 4], math.tau - apart[:, 4])
+        assert apart[:, :2].max() < 1e-3, shift_ns
+        assert apart[:, 2:].max() < 1e-3, shift_ns
+
+
+def shifted(frame: Frame, shift_ns: int) -> Frame:
+    """The frame with other stamps in it."""
+
+    def later(items: Any) -> Any:
+        return tuple(replace(item, t_ns=item.t_ns + shift_ns) for item in items)
+
+    return replace(
+        frame,
+        fixes=later(frame.fixes),
+        imu=later(frame.imu),
+        headings=later(frame.headings),
+        attitudes=later(frame.attitudes),
+    )

@@ -11,15 +11,16 @@ compass     its deviation as states, a larger R in turns; set aside by the witne
 from shore.navigation.measurements import Course, Measurement, Position, TrueHeading
 from shore.navigation.trust.fixes import fuse_fix
 from shore.navigation.trust.headings import fuse_heading
-from shore.navigation.trust.inputs import PredictionStep, passed
 from shore.navigation.trust.memory import Engine, Regard, Vessel
 from shore.navigation.trust.opening import start_again_when_due
 from shore.navigation.trust.water import EVERY_S, known_water
 
 
-def after_prediction(boat: Vessel, engine: Engine, step: PredictionStep) -> None:
-    """A prediction was made."""
-    passed(boat, engine, step)
+def before_prediction(boat: Vessel, engine: Engine) -> None:
+    """What the water says, once a second, of a state that something was measured in.
+
+    Before the next prediction, not after one: what is shown between two measurements does not depend on when that is.
+    """
     pending_s = engine.trust.way.pending_s
     if pending_s >= EVERY_S:
         known_water(boat, engine, pending_s)

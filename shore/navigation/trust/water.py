@@ -21,7 +21,8 @@ SLIDE: Final = 2.0
 """Speed athwart in a turn, over speed x yaw rate, s."""
 WAY_MEMORY_S: Final = 200.0
 LEAST_SURGE_M_S: Final = 0.05
-EVERY_S: Final = 1.0
+EVERY_S: Final = 1.0 - 1e-6
+"""Ten steps of 0.1 s are a second, whatever their rounding."""
 QUIET_S: Final = 3.0
 """Without a fix for this time, nothing is learned of how the boat keeps its way."""
 LEAST_SPEED_M_S: Final = 0.5
