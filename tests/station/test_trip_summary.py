@@ -24,12 +24,16 @@ def estimate(t_s: float, east_m: float, north_m: float, **other: Any) -> dict[st
         "lon_deg": lon_deg,
         "sog_kn": 2.0,
         "aligned": True,
+        "aligned_parts": ["position", "heading"],
+        "heading_true_deg": 90.0,
+        "position_from": "fix",
+        "heading_from": "compass",
     } | other
 
 
-def test_the_way_is_summed_over_seconds_of_the_first_filter_while_aligned() -> None:
+def test_the_way_is_summed_over_seconds_of_the_first_filter_while_its_position_is_valid() -> None:
     summary = TripSummary()
-    summary.estimate(estimate(0.0, 900.0, 0.0, aligned=False, sog_kn=50.0))
+    summary.estimate(estimate(0.0, 900.0, 0.0, aligned=False, aligned_parts=[], sog_kn=50.0))
     for tenth in range(101):
         wobble_m = 0.5 * (-1) ** tenth if tenth % 10 else 0.0  # within a second: noise, no way
         summary.estimate(estimate(0.1 * tenth, 3.0 * 0.1 * tenth + wobble_m, 4.0 * 0.1 * tenth))
