@@ -1,6 +1,5 @@
 """Quantisation (rounding) of estimates for the log, far below their own sigma, with a digest of every bit."""
 
-import json
 import math
 import struct
 from collections.abc import Iterator
@@ -70,13 +69,18 @@ def is_stored_in(data: bytes, record: Record) -> bool:
         and f'"state":{state},'.encode() in data
         and f'"lat_deg":{lat_deg},"lon_deg":{lon_deg},"heading_true_deg":{heading},'.encode() in data
         and aligned in data
-        and (not says_basis or all(text.encode() in data for text in _basis_texts(record)))
+        and (not says_basis or _basis_text(*(record[name] for name in BASIS)).encode() in data)
     )
 
 
-def _basis_texts(record: Record) -> Iterator[str]:
-    for name in BASIS:
-        yield f'"{name}":{json.dumps(record[name], separators=(",", ":"))},'
+def _basis_text(parts: tuple[str, ...], position: str, since_ns: int, heading: str | None) -> str:
+    """`BASIS` as our writer has it."""
+    words = str([*parts]).replace("'", '"').replace(" ", "")
+    heading_word = "null" if heading is None else f'"{heading}"'
+    return (
+        f'"aligned_parts":{words},"position_from":"{position}","position_since_ns":{since_ns},'
+        f'"heading_from":{heading_word},'
+    )
 
 
 def as_before(record: Record) -> Record:

@@ -24,11 +24,11 @@ class Basis(NamedTuple):
     """What one estimate rests on."""
 
     position_from: str
-    """`FIX` or `COASTING`."""
+    """`FIX`, or `COASTING` when the newest one is too old, or its receiver has lost it."""
     position_since_ns: int
     """Boat time: of the first fix of an unbroken row; while coasting, of the last fix."""
     heading_from: str
-    """`COMPASS`, `COURSE` or `COASTING`."""
+    """`COMPASS`; without one `COURSE`, or `COASTING` in a filter that takes no heading from the course."""
 
 
 class Bases:
@@ -64,11 +64,10 @@ class Bases:
             if newest is None or moment.t_ns - newest.t_ns > self._compass_ns:
                 return COASTING
             return COURSE if isinstance(newest, Course) else COMPASS
-        heard_ns = {name: turned.t_ns for name, turned in trust.compasses.items()}
-        if isinstance(newest, TrueHeading):  # the first one, from which the filter started
-            heard_ns.setdefault(newest.sensor, newest.t_ns)
-        aside = trust.turns.wrong_since_ns
-        if any(moment.t_ns - t_ns <= self._compass_ns for name, t_ns in heard_ns.items() if name not in aside):
+        since_ns, aside = moment.t_ns - self._compass_ns, trust.turns.wrong_since_ns
+        if isinstance(newest, TrueHeading) and newest.t_ns >= since_ns and newest.sensor not in aside:
+            return COMPASS
+        if any(turned.t_ns >= since_ns and name not in aside for name, turned in trust.compasses.items()):
             return COMPASS
         return COURSE if self._has_water else COASTING
 

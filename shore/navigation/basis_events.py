@@ -8,6 +8,7 @@ Each is said for the newest frames of the first filter, once a change, and not f
 in between bring their fixes later.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 from common.messages import Frame
@@ -16,6 +17,7 @@ from shore.navigation.basis import COASTING, COMPASS, COURSE, FIX
 from shore.navigation.estimate import Estimate
 from shore.navigation.filter_bank import Moment
 from shore.navigation.notices import Notices
+from shore.navigation.trust.receiver import Receiver
 
 HOLE_NS: Final = NS_PER_S
 """Frames that are further apart than this have others between them, which are missing."""
@@ -44,6 +46,8 @@ class BasisEvents:
         """Boat time from which on no frame is missing."""
         self._lost_since_ns: int | None = None
         """Boat time of the last fix when a loss was said; `None` = there are fixes."""
+        self._receivers: Mapping[str, Receiver] = {}
+        """What the filter remembers of them, as it was looked at last."""
         self._quality: dict[str, int | None] = {}
         self._heading = self._said_heading = COMPASS
         self._heading_ns = 0
@@ -71,7 +75,10 @@ class BasisEvents:
 
     def _take_quality(self, moment: Moment) -> None:
         trust = next((state.trust for state in moment.states if state is not None), None)
-        for sensor, receiver in trust.receivers.items() if trust is not None else ():
+        if trust is None or trust.receivers is self._receivers:
+            return
+        self._receivers = trust.receivers
+        for sensor, receiver in trust.receivers.items():
             before, quality = self._quality.get(sensor), receiver.quality
             if before is not None and quality is not None and quality != before:
                 words = (QUALITIES.get(each, f"of quality {each}") for each in (before, quality))

@@ -1,9 +1,9 @@
 """Filter output for people, logs and pages: degrees, knots, 1-sigma; plain numbers, never NaN."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -67,10 +67,10 @@ class Estimate:
     sigma_heading_deg: float
     aligned: bool
     """True when `waiting` is empty: all parts of the estimate are valid."""
-    aligned_parts: tuple[str, ...]
-    """The parts that are valid: `position` (with the velocity), `heading`; what has too much doubt is not."""
     waiting: tuple[str, ...]
     """What is not known yet (`shore.navigation.initial_alignment`)."""
+    aligned_parts: tuple[str, ...]
+    """The parts that are valid: `position` (with the velocity), `heading`; what has too much doubt is not."""
     position_from: str
     """What the position rests on: `fix`, or `coasting` (dead reckoning) when there is none."""
     position_since_ns: int
@@ -83,13 +83,17 @@ class Estimate:
 
     def as_record(self) -> dict[str, Any]:
         """A plain dict for JSON."""
-        record = {name: list(value) if isinstance(value, tuple) else value for name, value in _items(self)}
-        return record | {"channels": {channel: dict(_items(report)) for channel, report in self.channels.items()}}
+        values = [list(value) if isinstance(value, tuple) else value for value in _values(self)]
+        record = dict(zip(self.__slots__, values, strict=True))
+        reports = {
+            channel: {"sigma": report.sigma, "dom_ratio": report.dom_ratio, "nis": report.nis}
+            for channel, report in self.channels.items()
+        }
+        return record | {"channels": reports}
 
 
-def _items(item: Estimate | ChannelReport) -> Iterator[tuple[str, Any]]:
-    """Names and values of its fields, in order."""
-    return ((name, getattr(item, name)) for name in item.__slots__)
+_values: Final = attrgetter(*Estimate.__slots__)
+"""All fields at once: a record is made of each estimate of a replay."""
 
 
 def estimate_of(
@@ -127,8 +131,8 @@ def estimate_of(
         sigma_north_m=sigmas[NORTH],
         sigma_heading_deg=sigma_heading_deg,
         aligned=not waiting,
-        aligned_parts=tuple(part for part in aligned_parts(waiting) if shown[part]),
         waiting=waiting,
+        aligned_parts=tuple([part for part in aligned_parts(waiting) if shown[part]]),
         position_from=basis.position_from,
         position_since_ns=basis.position_since_ns,
         heading_from=basis.heading_from if has_heading else None,

@@ -83,11 +83,12 @@ class OwnShip:
         moments = self._feeder.push(self._intake.batch(frame))
         self._notice_resets()
         estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
-        waiting = self._waiting(moments[-1], estimates) if moments else None
+        newest = next((item for item in reversed(estimates) if item.filter == self._names[0]), None)
+        waiting = self._waiting(moments[-1], newest) if moments else None
         self._start_events.take(moments, estimates, waiting, first_ns=self._first_ns, newest_ns=self._newest_ns)
         if moments:
             self._trust_events.take(moments[-1])
-            self._basis_events.take(frame, moments[-1], self._first_of(estimates))
+            self._basis_events.take(frame, moments[-1], newest)
         self._notice_unused()
         return Estimated(tuple(estimates), self.notices.take(), waiting)
 
@@ -104,16 +105,11 @@ class OwnShip:
                 estimates.append(made)
         return [estimate for estimate in estimates if estimate is not None]
 
-    def _waiting(self, moment: Moment, estimates: Sequence[Estimate]) -> tuple[str, ...]:
-        """What the first filter lacks."""
-        newest = self._first_of(estimates)
+    def _waiting(self, moment: Moment, newest: Estimate | None) -> tuple[str, ...]:
+        """What the first filter lacks. newest: its estimate."""
         if newest is not None:
             return newest.waiting
         return before_start(moment.position, moment.heading, self._bank.has_compass) or ("restart",)
-
-    def _first_of(self, estimates: Sequence[Estimate]) -> Estimate | None:
-        """The newest estimate of the first filter."""
-        return next((item for item in reversed(estimates) if item.filter == self._names[0]), None)
 
     def _notice_resets(self) -> None:
         for name, t_ns in self._bank.resets:

@@ -144,7 +144,8 @@ def gpx_of(path: Path) -> Any:
 
 def sentences(path: Path) -> Iterator[Any]:
     for line in path.read_bytes().decode("ascii").split("\r\n")[:-1]:
-        yield pynmea2.parse(line, check=True)
+        if line[3:6] != "THS":  # which pynmea2 does not know
+            yield pynmea2.parse(line, check=True)
 
 
 def mcap_messages(path: Path, topic: str) -> list[dict[str, Any]]:

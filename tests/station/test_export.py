@@ -104,7 +104,9 @@ def test_the_csv_is_a_reference_for_replay(out: Path, recorded: list[dict[str, A
 def test_geojson_is_valid(out: Path) -> None:
     whole = json.loads((out / "trip.geojson").read_text(encoding="utf-8"))
     Draft202012Validator(GEOJSON).validate(whole)
-    events = {feature["properties"]["code"]: feature for feature in whole["features"] if "code" in feature["properties"]}
+    events = {
+        feature["properties"]["code"]: feature for feature in whole["features"] if "code" in feature["properties"]
+    }
     assert {"filter-started", "link-lost", "odd"} <= set(events)
     assert events["odd"]["properties"]["text"] == HORROR
     assert all(round(value, 8) == value for place in line_places(whole) for value in place)
