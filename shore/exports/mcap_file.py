@@ -75,9 +75,11 @@ def _position(track: ExportTrack, row: Row, time_ns: int) -> dict[str, Any]:
 
 
 def _of_fixes(track: ExportTrack) -> Iterator[_Message]:
-    """Every fix with a position, usable or not; its covariance is what the configuration says of the receiver."""
+    """Every usable fix; its covariance is what the configuration says of the receiver."""
     sigmas = {str(table["id"]): table.get("sigma_m") for table in track.survey.sensors("gps")}
     for clock, fix in track.fixes():
+        if not fix.usable:
+            continue
         assert fix.lat_deg is not None
         assert fix.lon_deg is not None
         sigma_m = sigmas.get(fix.sensor)

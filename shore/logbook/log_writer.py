@@ -65,11 +65,11 @@ class LogWriter:
         return self._log_time
 
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:
-        """A frame's bytes, unchanged; `frame` is the same, decoded. Its fixes once more as Foxglove draws them."""
+        """A frame's bytes, unchanged; `frame` is the same, decoded. Usable fixes once more as Foxglove draws them."""
         self._add(FRAMES, data, t_ns, frame.t1_ns, frame.seq % 2**32)
         self._summary.frame(frame)
         for fix in frame.fixes:
-            if fix.lat_deg is not None and fix.lon_deg is not None:
+            if fix.usable and fix.lat_deg is not None and fix.lon_deg is not None:
                 place = (fix.lat_deg, fix.lon_deg)
                 record = foxglove.location_fix(self._log_time, fix.t_ns, fix.sensor, place, None)
                 self._add(f"{FIXES}{fix.sensor}", _json(record), t_ns, fix.t_ns)

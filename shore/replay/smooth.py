@@ -30,9 +30,9 @@ SUFFIX: Final = "-smoothed"
 """Suffix of the filter's name in smoothed estimates."""
 COLUMNS: Final = (
     "t_s", "lat_deg", "lon_deg", "heading_true_deg", "t_ns", "sog_kn", "sigma_east_m", "sigma_north_m",
-    "sigma_heading_deg",
+    "sigma_heading_deg", "position_from", "heading_from",
 )  # fmt: skip
-"""Columns of the CSV file, which is also a reference track."""
+"""Columns of the CSV file, which is also a reference track; a heading of too much doubt is empty."""
 
 
 def smooth_log(config: BoatConfig, frames: Iterable[Frame], name: str) -> list[Estimate]:
@@ -143,6 +143,8 @@ def write_track(path: Path, estimates: Iterable[Estimate]) -> int:
             writer = csv.writer(getwriter("utf-8")(file))
             writer.writerow(COLUMNS)
             for estimate in estimates:
+                if "position" not in estimate.aligned_parts:
+                    continue
                 count += 1
                 first_ns = estimate.t_ns if first_ns is None else first_ns
                 t_s = (estimate.t_ns - first_ns) / NS_PER_S

@@ -77,7 +77,7 @@ def _estimated_heading(estimate: Estimate) -> str:
     """The heading with its doubt, and what it comes from when that is no compass."""
     if estimate.heading_true_deg is None:
         return "heading unknown"
-    words = {COURSE: " by course", COASTING: " carried on"}.get(estimate.heading_from or "", "")
+    words = {COURSE: " by COG", COASTING: " carried on"}.get(estimate.heading_from or "", "")
     return f"{_tenths(estimate.heading_true_deg)}°T ±{estimate.sigma_heading_deg:.1f}°{words}"
 
 
