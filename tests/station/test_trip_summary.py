@@ -76,3 +76,33 @@ def test_names_are_the_last_given_ones_and_nothing_known_is_none() -> None:
         7,
     ]
     assert found["events"] == {"info": 1, "warning": 2}
+
+
+def test_the_time_is_summed_by_what_position_and_heading_rest_on() -> None:
+    summary = TripSummary()
+    stretches: list[tuple[int, dict[str, Any]]] = [
+        (10, {"aligned_parts": [], "heading_true_deg": None, "heading_from": None}),
+        (20, {}),
+        (40, {"position_from": "coasting"}),
+        (10, {"heading_from": "course"}),
+        (5, {"position_from": "coasting"}),
+    ]
+    second = 0
+    for count, changes in stretches:
+        for _ in range(count):
+            second += 1
+            summary.estimate(estimate(float(second), 0.0, 0.0, **changes))
+            summary.estimate(estimate(float(second), 0.0, 0.0, filter="kf", position_from="coasting"))
+    summary.estimate(estimate(second + 60.0, 0.0, 0.0))  # nothing is known of the minute between them
+    found = summary.as_record()
+    assert found["position_from_s"] == {"coasting": 45.0, "fix": 30.0, "not aligned": 9.0}
+    assert found["heading_from_s"] == {"compass": 65.0, "course": 10.0, "unknown": 9.0}
+    assert found["longest_coasting_s"] == 40.0
+
+
+def test_estimates_of_before_say_nothing_of_it() -> None:
+    summary = TripSummary()
+    for second in range(5):
+        summary.estimate(estimate(float(second), 0.0, 0.0, position_from=None, heading_from=None))
+    found = summary.as_record()
+    assert (found["position_from_s"], found["heading_from_s"], found["longest_coasting_s"]) == ({}, {}, 0.0)
