@@ -229,8 +229,32 @@ EVENTS: Final[dict[str, EventKind]] = {
         "nothing to do",
         side=FILTERS,
     ),
-    "fix-quality": EventKind(
+    "fix-quality-changed": EventKind(
         "info", "fixes of {sensor} are {now} from here on (before: {before})", "nothing to do", side=FILTERS
+    ),
+    "fix-lost": EventKind(
+        "warning",
+        "there has been no usable fix for {seconds} s: positions are dead reckoning until the next one",
+        "look at the antenna, its cable and what stands above it",
+        side=FILTERS,
+    ),
+    "fix-regained": EventKind(
+        "info", "fixes come again, after {seconds} s without: positions rest on them", "nothing to do", side=FILTERS
+    ),
+    "heading-unknown": EventKind(
+        "warning",
+        "the heading is not known; positions and speeds go on without it",
+        "look at the compass; a boat without one shows its heading from about 2 kn on",
+        side=FILTERS,
+    ),
+    "heading-from-course": EventKind(
+        "info",
+        "no compass gives a heading: it comes from the course over ground and the turns, good to {sigma_deg} deg",
+        "current and leeway are in that doubt; going astern is not, and shows the opposite heading",
+        side=FILTERS,
+    ),
+    "heading-from-compass": EventKind(
+        "info", "the heading comes from a compass, good to {sigma_deg} deg", "nothing to do", side=FILTERS
     ),
     "variation-used": EventKind(
         "info",

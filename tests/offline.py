@@ -13,6 +13,7 @@ from common.simulation.voyage import Voyage
 from common.simulation.without_ports import START_NS
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
+from shore.navigation.state_space import HEADING
 from shore.pipeline import Output, Pipeline
 
 
@@ -77,7 +78,7 @@ def _errors(voyage: Voyage, estimates: list[Estimate]) -> Errors:
         np.interp(times, truth.t_s, column) for column in (truth.east_m, truth.north_m, truth.heading_rad)
     )
     wrong_deg = [
-        difference_deg(item.heading_true_deg, float(np.degrees(true)))
+        difference_deg(float(np.degrees(item.state[HEADING])), float(np.degrees(true)))
         for item, true in zip(estimates, heading, strict=True)
     ]
     distance = np.hypot(places[:, 0] - east, places[:, 1] - north)

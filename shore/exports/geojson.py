@@ -1,4 +1,9 @@
-"""GeoJSON (RFC 7946): the track as a (Multi)LineString, each event as a Point with its properties."""
+"""GeoJSON (RFC 7946): each piece of track a LineString with a time for each place, each event a Point.
+
+A piece rests on one thing (`position_from`: fix or coasting) and is cut at the 180th meridian. `coordTimes` are the UTC
+of its places, as other programs write them; where UTC is not known, `times_s` are seconds of the log. Places whose
+doubt is beyond 500 m are left out.
+"""
 
 import json
 from contextlib import ExitStack
@@ -13,80 +18,92 @@ DECIMALS: Final = 8
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
     """One FeatureCollection. Raises OSError."""
+    about = {"name": track.title, "boat": track.survey.boat, "filter": track.filter, "order": track.order}
     with ExitStack() as stack:
-        lines, events = _Lines(stack.enter_context(aside())), stack.enter_context(aside())
-        for item in track.items():
+        times, events = stack.enter_context(aside()), stack.enter_context(aside())
+        stream.write(b'{"type": "FeatureCollection", "generator": "wayfix", "features": [\n')
+        pieces = _Pieces(stream, times, about, has_utc=track.survey.clocks.know_utc)
+        for item in track.drawn():
             if isinstance(item, Row):
-                lines.add(item)
+                pieces.add(item)
             else:
-                events.write(",\n" + json.dumps(_event(item), ensure_ascii=False))
-        lines.end()
-        properties = {
-            "name": track.title, "boat": track.survey.boat, "filter": track.filter, "order": track.order,
-            **lines.times,
-        }  # fmt: skip
-        head = json.dumps({"type": "Feature", "properties": properties}, ensure_ascii=False)
-        stream.write(
-            f'{{"type": "FeatureCollection", "generator": "wayfix", "features": [\n{head[:-1]}, "geometry": '.encode()
-        )
-        lines.pour(stream)
-        stream.write(b"}")
+                events.write(",\n" + _json(_event(item)))
+        pieces.finish()
         events.pour(stream)
         stream.write(b"\n]}\n")
 
 
-class _Lines:
-    """Parts of two positions or more; a place that stands alone is written twice, since one is no line."""
+class _Pieces:
+    """Features of two positions or more; a place that stands alone is written twice, since one is no line."""
 
-    def __init__(self, places: Aside) -> None:
-        self._places = places
-        self._parts = 0
+    def __init__(self, stream: BinaryIO, times: Aside, about: dict[str, Any], *, has_utc: bool) -> None:
+        self._stream = stream
+        self._times = times
+        self._about = about
+        self._has_utc = has_utc
+        self._is_alone = True
+        """No piece was written yet."""
         self._points = 0
-        """Number of positions in the open part."""
-        self._last: Place = (0.0, 0.0)
-        self.times: dict[str, Any] = {"begin_utc": None, "end_utc": None, "begin_s": None, "end_s": None}
+        """Number of positions in the open piece."""
+        self._begin: Row | None = None
+        self._last: Row | None = None
 
     def add(self, row: Row) -> None:
-        place = row.lat_deg, row.lon_deg
-        if row.is_first:
-            self.end()
-        elif ends := crossing(self._last, place):
-            self._point(ends[0])
-            self.end()
-            self._point(ends[1])
-        self._point(place)
-        utc = None if row.utc_ns is None else iso(row.utc_ns)
-        if self.times["begin_s"] is None:
-            self.times |= {"begin_utc": utc, "begin_s": row.t_s}
-        self.times |= {"end_utc": utc, "end_s": row.t_s}
+        place, last = (row.lat_deg, row.lon_deg), self._last
+        if row.is_first or last is None:
+            self._end()
+            self._begin = row
+        elif ends := crossing((last.lat_deg, last.lon_deg), place):
+            self._point(ends[0], None)
+            self._end()
+            self._begin = row
+            self._point(ends[1], None)
+        self._point(place, row)
+        self._last = row
 
-    def end(self) -> None:
-        """End the open part."""
-        if self._points == 1:
-            self._point(self._last)
-        if self._points:
-            self._places.write("]")
-        self._points = 0
+    def finish(self) -> None:
+        """End the open piece; a track without a row is a feature without a place."""
+        self._end()
+        if self._is_alone:
+            self._stream.write(_json({"type": "Feature", "properties": self._about, "geometry": None}).encode())
 
-    def pour(self, stream: BinaryIO) -> None:
-        """The geometry; none of a track without a row."""
-        if not self._parts:
-            stream.write(b"null")
+    def _end(self) -> None:
+        begin, last = self._begin, self._last
+        if not self._points or begin is None or last is None:
             return
-        is_one = self._parts == 1
-        stream.write(
-            b'{"type": "LineString", "coordinates": ' if is_one else b'{"type": "MultiLineString", "coordinates": ['
-        )
-        self._places.pour(stream)
-        stream.write(b"}" if is_one else b"]}")
+        if self._points == 1:
+            self._point((last.lat_deg, last.lon_deg), last)
+        properties = {
+            **self._about, "position_from": begin.position_from, "aligned_parts": begin.aligned_parts,
+            **_time("begin", begin), **_time("end", last),
+        }  # fmt: skip
+        name = "coordTimes" if self._has_utc else "times_s"
+        self._stream.write(f']}}, "properties": {_json(properties)[:-1]}, "{name}": ['.encode())
+        self._times.pour(self._stream)
+        self._stream.write(b"]}}")
+        self._points, self._is_alone = 0, False
 
-    def _point(self, place: Place) -> None:
+    def _point(self, place: Place, row: Row | None) -> None:
+        """row: which has this place; `None` = a point on the meridian, whose time nobody measured."""
         if not self._points:
-            self._parts += 1
-        opening = "," if self._points else "[" if self._parts == 1 else ",["
-        self._places.write(f"{opening}\n[{round(place[1], DECIMALS)}, {round(place[0], DECIMALS)}]")
+            opening = "" if self._is_alone else ",\n"
+            self._stream.write(
+                f'{opening}{{"type": "Feature", "geometry": {{"type": "LineString", "coordinates": ['.encode()
+            )
+        separator = "," if self._points else ""
+        self._stream.write(f"{separator}\n[{round(place[1], DECIMALS)}, {round(place[0], DECIMALS)}]".encode())
+        self._times.write(separator + _json(None if row is None else _moment(row, has_utc=self._has_utc)))
         self._points += 1
-        self._last = place
+
+
+def _moment(row: Row, *, has_utc: bool) -> str | float | None:
+    if not has_utc:
+        return row.t_s
+    return None if row.utc_ns is None else iso(row.utc_ns)
+
+
+def _time(which: str, row: Row) -> dict[str, Any]:
+    return {f"{which}_utc": _moment(row, has_utc=True), f"{which}_s": row.t_s}
 
 
 def _event(mark: Mark) -> dict[str, Any]:
@@ -99,3 +116,7 @@ def _event(mark: Mark) -> dict[str, Any]:
         "utc": None if mark.utc_ns is None else iso(mark.utc_ns), "t_s": mark.t_s,
     }  # fmt: skip
     return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)

@@ -1,4 +1,8 @@
-"""GPX 1.1: one track, a segment for each piece, the events as waypoints; points without time where UTC is not known."""
+"""GPX 1.1: one track, a segment for each piece, the events as waypoints; points without time where UTC is not known.
+
+A segment rests on fixes or on dead reckoning, never on both: the points of the latter say `<fix>none</fix>`. Points
+that are not valid yet say so in `<cmt>`; where the doubt is beyond 500 m there is no point.
+"""
 
 from typing import BinaryIO, Final
 from xml.etree import ElementTree as ET
@@ -14,6 +18,8 @@ _HEAD: Final = (
     'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
     f'xsi:schemaLocation="{SPACE} {_SCHEMA}">\n'
 )
+_STRETCHES: Final = {"fix": "", "coasting": "<fix>none</fix>", "not aligned": "<cmt>not aligned</cmt>"}
+"""What a point says of its stretch."""
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:
@@ -40,7 +46,7 @@ def write(stream: BinaryIO, track: ExportTrack) -> None:
 def _write_points(points: Aside, track: ExportTrack) -> list[Mark]:
     """The segments; what is to be a waypoint is given back."""
     marks, is_open = [], False
-    for item in track.items():
+    for item in track.drawn():
         if isinstance(item, Mark):
             if item.place is not None and item.level != "debug":
                 marks.append(item)
@@ -56,7 +62,9 @@ def _write_points(points: Aside, track: ExportTrack) -> list[Mark]:
 
 def _point(row: Row) -> str:
     place = f'<trkpt lat="{row.lat_deg:.9f}" lon="{row.lon_deg:.9f}"'
-    return f"{place}/>\n" if row.utc_ns is None else f"{place}><time>{iso(row.utc_ns)}</time></trkpt>\n"
+    time = "" if row.utc_ns is None else f"<time>{iso(row.utc_ns)}</time>"
+    told = f"{time}{_STRETCHES[row.stretch]}"
+    return f"{place}>{told}</trkpt>\n" if told else f"{place}/>\n"
 
 
 def _waypoint(mark: Mark) -> ET.Element:

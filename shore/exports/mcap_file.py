@@ -1,4 +1,4 @@
-"""MCAP for programs that draw (Foxglove, Lichtblick, PlotJuggler): JSON channels only, every position at full rate.
+"""MCAP for programs that draw (Foxglove, Lichtblick, PlotJuggler): JSON channels only, valid positions at full rate.
 
 `/position/<filter>` and `/fixes/<sensor>` are foxglove.LocationFix with covariance, `/events` foxglove.Log,
 `/estimates/<filter>` wayfix.Estimate. Times are UTC; where that is not known, nanoseconds of the log from 1970 on.
@@ -62,7 +62,8 @@ def _of_track(track: ExportTrack) -> Iterator[_Message]:
             )  # fmt: skip
             yield _Message(time_ns, EVENTS, foxglove.log_record(event, time_ns))
         elif item.record is not None:
-            yield _Message(time_ns, f"{POSITIONS}{track.filter}", _position(track, item, time_ns))
+            if "position" in item.aligned_parts:
+                yield _Message(time_ns, f"{POSITIONS}{track.filter}", _position(track, item, time_ns))
             stored = item.record if item.data else logged(item.record)
             yield _Message(time_ns, f"{ESTIMATES}{track.filter}", stored, item.data)
         else:
@@ -74,9 +75,11 @@ def _position(track: ExportTrack, row: Row, time_ns: int) -> dict[str, Any]:
 
 
 def _of_fixes(track: ExportTrack) -> Iterator[_Message]:
-    """Every fix with a position, usable or not; its covariance is what the configuration says of the receiver."""
+    """Every usable fix; its covariance is what the configuration says of the receiver."""
     sigmas = {str(table["id"]): table.get("sigma_m") for table in track.survey.sensors("gps")}
     for clock, fix in track.fixes():
+        if not fix.usable:
+            continue
         assert fix.lat_deg is not None
         assert fix.lon_deg is not None
         sigma_m = sigmas.get(fix.sensor)

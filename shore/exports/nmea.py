@@ -1,7 +1,14 @@
-"""NMEA 0183, talker IN: GGA, RMC and HDT for each estimate, as an integrated navigator sends them.
+"""NMEA 0183 (4.1), talker IN: GGA, RMC and HDT or THS for each estimate, as an integrated navigator sends them.
 
-Not aligned is GGA quality 0, RMC status V, mode N, and no HDT, which could not say it. Time and date fields are empty
-where UTC is not known; a recording that knew the time of day, but no date, gives times without dates.
+position          GGA   RMC           navigational status (behind RMC's mode)
+on a fix          1     A, mode A     S safe; C caution while its 95 % radius (2 DRMS) is beyond 10 m, U beyond 100 m
+coasting          6     A, mode E     C; U beyond 100 m
+not valid         0     V, mode N     U; no place at all where its 1-sigma is beyond 500 m
+
+A heading of a compass is HDT. One that is estimated (from the course over ground, or carried on) is THS with mode E;
+one that is not known, or not aligned, is no sentence. A raw fix keeps its own quality, and is C, for nothing is known
+of its integrity. Time and date fields are empty where UTC is not known; a recording that knew the time of day, but no
+date, gives times without dates.
 """
 
 from functools import reduce
@@ -12,6 +19,12 @@ from common.units import NS_PER_MS, NS_PER_S
 from shore.exports.track import ExportTrack, Row
 
 TALKER: Final = "IN"
+SAFE_M: Final = 10.0
+"""95 % radius of a position that is safe near a coast (IMO resolution A.915: general navigation, harbour approach)."""
+CAUTION_M: Final = 100.0
+"""The same on the ocean; beyond it a position is unsafe."""
+_MODES: Final = {2: "D", 3: "P", 4: "R", 5: "F"}
+"""Modes of RMC for the qualities of a raw fix that are not plainly autonomous."""
 _MINUTES: Final = 60 * 10**7
 """Number of steps of a coordinate in one degree: minutes with seven decimals."""
 
@@ -40,16 +53,43 @@ def times(row: Row, *, has_time_of_day: bool) -> tuple[str, str]:
 
 def sentences(row: Row, time: str, date: str) -> list[str]:
     """GGA, RMC and HDT with CR LF."""
-    place = f"{_coordinate(row.lat_deg, 2, 'NS')},{_coordinate(row.lon_deg, 3, 'EW')}"
-    quality, status, mode = ("1", "A", "A") if row.aligned else ("0", "V", "N")
+    place = f"{_coordinate(row.lat_deg, 2, 'NS')},{_coordinate(row.lon_deg, 3, 'EW')}" if row.has_place else ",,,"
+    quality, status, mode = _quality(row)
     speed, course = _number(row.sog_kn, 3), _direction(row.cog_true_deg)
     made = [
         _sentence(f"GGA,{time},{place},{quality},,,,M,,M,,"),
-        _sentence(f"RMC,{time},{status},{place},{speed},{course},{date},,,{mode}"),
+        _sentence(f"RMC,{time},{status},{place},{speed},{course},{date},,,{mode},{_navigational_status(row)}"),
     ]
-    if row.aligned and row.heading_true_deg is not None:
-        made.append(_sentence(f"HDT,{_direction(row.heading_true_deg)},T"))
+    if row.heading_true_deg is not None and "position" in row.aligned_parts:
+        if row.heading_from not in ("compass", None):
+            made.append(_sentence(f"THS,{_direction(row.heading_true_deg)},E"))
+        elif row.aligned:
+            made.append(_sentence(f"HDT,{_direction(row.heading_true_deg)},T"))
     return made
+
+
+def _quality(row: Row) -> tuple[str, str, str]:
+    """Quality of GGA, status and mode of RMC."""
+    match row.stretch:
+        case "coasting":
+            return "6", "A", "E"
+        case "fix":
+            quality = row.fix_quality or 1
+            return str(quality), "A", _MODES.get(quality, "A")
+        case _:
+            return "0", "V", "N"
+
+
+def _navigational_status(row: Row) -> str:
+    """`S` safe, `C` caution, `U` unsafe."""
+    if "position" not in row.aligned_parts:
+        return "U"
+    if row.sigma_m is None:
+        return "C"
+    radius_m = 2.0 * row.sigma_m
+    if radius_m > CAUTION_M:
+        return "U"
+    return "S" if row.stretch == "fix" and radius_m <= SAFE_M else "C"
 
 
 def _sentence(text: str) -> str:

@@ -10,9 +10,12 @@ from shore.exports.track import ExportTrack
 
 ROWS: Final = 50_000
 """Most rows held as Python objects at once; after that they are columns of bytes."""
-_INTEGERS: Final = frozenset({"t_ns", "utc", "fix_quality", "fix_mode", "satellites", "tod_ms"})
+_INTEGERS: Final = frozenset({"t_ns", "utc", "fix_quality", "fix_mode", "satellites", "tod_ms", "position_since_ns"})
 _FLAGS: Final = frozenset({"aligned", "held", "usable", "status_valid"})
-_WORDS: Final = frozenset({"waiting", "level", "source", "code", "text", "evidence", "sensor", "warning"})
+_WORDS: Final = frozenset({
+    "aligned_parts", "waiting", "position_from", "heading_from", "level", "source", "code", "text", "evidence",
+    "sensor", "warning",
+})  # fmt: skip
 
 
 def write(stream: BinaryIO, track: ExportTrack) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from common.geodesy import LocalPlane
 from common.units import NS_PER_S
 from shore.exports.track import RAW, ExportTrack, Mark, Row
-from shore.report.trip_picture import Happening, Points, TripPlot, draw, when
+from shore.report.trip_picture import STRETCHES, Happening, Points, TripPlot, draw, when
 
 SHOWN: Final = 20_000
 """Most rows and fixes that a picture shows; more are thinned out."""
@@ -22,7 +22,7 @@ def write(stream: BinaryIO, track: ExportTrack) -> None:
     plane: LocalPlane | None = None
     begin = end = None
     has_utc = track.survey.clocks.know_utc
-    for item in track.items():
+    for item in track.drawn():
         if isinstance(item, Mark):
             marks.append(item)
             continue
@@ -86,7 +86,7 @@ def _values(row: Row, plane: LocalPlane, *, has_utc: bool) -> _Values:
     numbers = (_NAN if value is None else value for value in (heading, row.sigma_heading_deg))
     heading_deg, sigma_deg = numbers
     return (
-        _time(row, has_utc=has_utc), *place, heading_deg, *covariance, sigma_deg, float(row.aligned),
+        _time(row, has_utc=has_utc), *place, heading_deg, *covariance, sigma_deg, float(STRETCHES.index(row.stretch)),
         float(row.is_first),
     )  # fmt: skip
 

@@ -16,9 +16,13 @@ TIMES: Final = ("t_s", "utc", "t_ns")
 """Time columns: seconds of the log, UTC (ns), and nanoseconds on the boat clock."""
 ESTIMATES: Final = (
     "lat_deg", "lon_deg", "heading_true_deg", "sog_kn", "cog_true_deg",
-    "sigma_east_m", "sigma_north_m", "sigma_heading_deg", "aligned", "waiting",
+    "sigma_east_m", "sigma_north_m", "sigma_heading_deg", "aligned", "aligned_parts", "waiting",
+    "position_from", "position_since_ns", "heading_from",
 )  # fmt: skip
-"""Columns of an estimate; those of the state follow under their own names."""
+"""Columns of an estimate; those of the state follow under their own names.
+
+Place, heading and course are empty where their doubt is too large for a number; the state is there whatever its doubt.
+"""
 EVENTS: Final = (*TIMES, "level", "source", "code", "text", "evidence", "lat_deg", "lon_deg")
 FIXES: Final = (*TIMES, *(field.name for field in fields(Fix) if field.name not in ("t_ns", "utc_ns")), "usable")
 HEADINGS: Final = (*TIMES, *(field.name for field in fields(Heading) if field.name != "t_ns"))
@@ -78,9 +82,11 @@ def _only_rows(items: Iterable[Row | Mark], events: Sheet | None) -> Iterator[Ro
 
 
 def _estimate(row: Row, names: tuple[str, ...]) -> Values:
+    place = (row.lat_deg, row.lon_deg) if row.has_place else (None, None)
     values = [
-        row.t_s, row.utc_ns, row.t_ns, row.lat_deg, row.lon_deg, row.heading_true_deg, row.sog_kn, row.cog_true_deg,
-        row.sigma_east_m, row.sigma_north_m, row.sigma_heading_deg, row.aligned, ", ".join(row.waiting),
+        row.t_s, row.utc_ns, row.t_ns, *place, row.heading_true_deg, row.sog_kn, row.cog_true_deg,
+        row.sigma_east_m, row.sigma_north_m, row.sigma_heading_deg, row.aligned, ", ".join(row.aligned_parts),
+        ", ".join(row.waiting), row.position_from, row.position_since_ns, row.heading_from,
     ]  # fmt: skip
     if row.record is None:
         return values

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from functools import lru_cache
 from shutil import copyfileobj
 from tempfile import SpooledTemporaryFile
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, cast
 
 from common.units import NS_PER_S, NS_PER_US
 
@@ -43,6 +43,10 @@ class Aside:
     def write(self, text: str) -> None:
         """Add to the end."""
         self._file.write(text.encode())
+
+    def append(self, other: "Aside") -> None:
+        """Add all of another, which is empty after that."""
+        other.pour(cast("BinaryIO", self._file))
 
     def pour(self, stream: BinaryIO) -> None:
         """Everything into `stream`; empty after that."""

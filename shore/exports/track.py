@@ -10,15 +10,17 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from heapq import heappop, heappush
+from math import hypot, radians, sqrt, tan
 from typing import Any, Final, NamedTuple
 
 from common.events import is_of_station
 from common.messages import Fix, Frame
-from common.units import NS_PER_S
+from common.units import M_S_PER_KN, NS_PER_S
 from shore.exports.first_pass import SHOWN_EACH, Survey
 from shore.exports.utc import BoardClock
 from shore.logbook.log_reader import LogReader
 from shore.logbook.schemas import ESTIMATES, FRAMES
+from shore.navigation.estimate import MOST_DOUBT_DEG, MOST_DOUBT_M
 
 ORDERS: Final = ("recorded", "time")
 RAW: Final = "raw"
@@ -29,6 +31,8 @@ NEAR_NS: Final = 10 * NS_PER_S
 """An event gets the place of a row that is no further away in time than this, ns."""
 RESETS: Final = frozenset({"filter-reset", "origin-moved", "board-rebooted"})
 """Codes of the events after which a new piece of track begins."""
+VELOCITY: Final = ("v_east_m_s", "v_north_m_s")
+"""Names of the velocity in the state."""
 
 Place = tuple[float, float]
 Entry = tuple[int, int, int, BoardClock, dict[str, Any]]
@@ -52,8 +56,16 @@ class Row(NamedTuple):
     sigma_north_m: float | None
     sigma_heading_deg: float | None
     aligned: bool
-    """True when the estimate is valid; for a raw fix, when the receiver calls it valid."""
+    """True when the whole estimate is valid; for a raw fix, when the receiver calls it valid."""
+    aligned_parts: tuple[str, ...]
+    """The parts that are valid: `position`, `heading`."""
     waiting: tuple[str, ...]
+    position_from: str | None
+    """`fix` or `coasting`; `None` = the log does not say."""
+    position_since_ns: int | None
+    heading_from: str | None
+    fix_quality: int | None
+    """Quality of a raw fix in the numbers of GGA."""
     is_first: bool
     """True where a new piece of track begins: at the start, after a gap, or after a reset of the filter or the
     board."""
@@ -61,6 +73,22 @@ class Row(NamedTuple):
     """The whole estimate; `None` for a raw fix."""
     data: bytes | None
     """The estimate as the bytes in the log; `None` where the log has none."""
+
+    @property
+    def stretch(self) -> str:
+        """What its piece of track is: `fix`, `coasting`, or `not aligned` where the position is not valid."""
+        return (self.position_from or "fix") if "position" in self.aligned_parts else "not aligned"
+
+    @property
+    def sigma_m(self) -> float | None:
+        """1-sigma of the position, east and north together, m."""
+        east_m, north_m = self.sigma_east_m, self.sigma_north_m
+        return None if east_m is None or north_m is None else hypot(east_m, north_m)
+
+    @property
+    def has_place(self) -> bool:
+        """False when the doubt of the position is so large that it is shown as no place."""
+        return self.sigma_m is None or self.sigma_m <= MOST_DOUBT_M
 
     @property
     def covariance_m2(self) -> tuple[float, float, float] | None:
@@ -144,6 +172,19 @@ class ExportTrack:
             self.marks += 1
             yield mark
 
+    def drawn(self) -> Iterator[Row | Mark]:
+        """The items for a map: without rows that have no place; a piece of track rests on one thing."""
+        last: Row | None = None
+        for item in self.items():
+            if isinstance(item, Mark):
+                yield item
+            elif not item.has_place:
+                last = None
+            else:
+                is_first = item.is_first or last is None or item.stretch != last.stretch
+                yield item._replace(is_first=True) if is_first else item
+                last = item
+
     def frames(self, kind: bytes = b"") -> Iterator[tuple[BoardClock, Frame]]:
         """Frames that can be decoded, in the order of the export, with their clock; at least all with this `kind`."""
         clocks = self.survey.clocks
@@ -206,21 +247,37 @@ class ExportTrack:
                 newest = here
                 yield _Found(
                     clock,
-                    {name: getattr(fix, name) for name in ("t_ns", "lat_deg", "lon_deg", "sog_kn")}
-                    | {"cog_true_deg": fix.cog_true_deg, "fix": True},
+                    {name: getattr(fix, name) for name in ("t_ns", "lat_deg", "lon_deg", "sog_kn", "fix_quality")}
+                    | {"cog_true_deg": fix.cog_true_deg, "aligned_parts": ["position"], "position_from": "fix"},
                 )
 
 
 def _row(found: _Found, last: Row | None) -> Row:
     clock, record, data = found
-    t_ns = record["t_ns"]
+    t_ns, sigma_deg = record["t_ns"], record.get("sigma_heading_deg")
+    is_doubtful = sigma_deg is not None and sigma_deg > MOST_DOUBT_DEG  # old logs give a heading all the same
     return Row(
         clock, t_ns, clock.seconds(t_ns), clock.utc_ns(t_ns), record["lat_deg"], record["lon_deg"],
-        record.get("heading_true_deg"), record["sog_kn"], record["cog_true_deg"],
-        record.get("sigma_east_m"), record.get("sigma_north_m"), record.get("sigma_heading_deg"),
-        record.get("aligned", True), tuple(record.get("waiting", ())), last is None,
-        None if "fix" in record else record, data,
+        None if is_doubtful else record.get("heading_true_deg"), record["sog_kn"], _course(record),
+        record.get("sigma_east_m"), record.get("sigma_north_m"), sigma_deg,
+        record.get("aligned", True), tuple(record["aligned_parts"]), tuple(record.get("waiting", ())),
+        record["position_from"], record.get("position_since_ns"), record.get("heading_from"),
+        record.get("fix_quality"), last is None, record if "filter" in record else None, data,
     )  # fmt: skip
+
+
+def _course(record: dict[str, Any]) -> float | None:
+    """Course over ground; `None` too where the doubt of the velocity turns it by more than a number may have."""
+    names, covariance = record.get("names") or (), record.get("covariance") or ()
+    if record["cog_true_deg"] is None or record["sog_kn"] is None or "v_east_m_s" not in names:
+        return record["cog_true_deg"]  # type: ignore[no-any-return]
+    size = len(names)
+    variances = [covariance[place * size - place * (place - 1) // 2] for place in map(names.index, VELOCITY)]
+    if None in variances:
+        return None
+    sigma_m_s = sqrt(max(*variances, 0.0))
+    is_known = sigma_m_s <= record["sog_kn"] * M_S_PER_KN * tan(radians(MOST_DOUBT_DEG))
+    return record["cog_true_deg"] if is_known else None
 
 
 def _is_apart(last: Row | None, row: Row) -> bool:
@@ -254,7 +311,8 @@ class _Waiting:
 
 def _mark(clock: BoardClock, event: dict[str, Any], last: Row | None, row: Row | None) -> Mark:
     t_ns = event["t_ns"]
-    near = [each for each in (last, row) if each and each.clock is clock and abs(each.t_ns - t_ns) <= NEAR_NS]
+    rows = [each for each in (last, row) if each and each.has_place and each.clock is clock]
+    near = [each for each in rows if abs(each.t_ns - t_ns) <= NEAR_NS]
     nearest = min(near, key=lambda each: abs(each.t_ns - t_ns), default=None)
     return Mark(
         t_ns, clock.seconds(t_ns), clock.utc_ns(t_ns), event["source"], event["code"], event["level"], event["text"],

@@ -36,8 +36,8 @@ class Written:
     usable_fixes: int = 0
     estimates: Counter[str] = field(default_factory=Counter)
     """Number of estimates of each filter."""
-    aligned: int = 0
-    """Number of valid estimates of the first filter."""
+    aligned: Counter[str] = field(default_factory=Counter)
+    """Number of estimates of the first filter whose `position`, `heading`, or both (`whole`) are valid."""
     events: Counter[str] = field(default_factory=Counter)
     """Number of events of each level."""
 
@@ -64,7 +64,8 @@ class ImportCounts(Watcher):
         written.usable_fixes += sum(fix.usable for fix in frame.fixes)
         for estimate in step.output.estimates:
             written.estimates[estimate.filter] += 1
-            written.aligned += estimate.filter == self._shown_filter and not estimate.waiting
+            if estimate.filter == self._shown_filter:
+                written.aligned.update([*estimate.aligned_parts, *(["whole"] if estimate.aligned else [])])
         for event in step.events:
             written.events[event.level] += 1
 

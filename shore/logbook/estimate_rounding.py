@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from hashlib import blake2b
 from typing import Any, Final
 
+from common.angles import heading_deg
+
 Record = dict[str, Any]
 
 DIGITS: Final = 5
@@ -17,6 +19,8 @@ TOLERANCE: Final = 1e-9
 the covariance in shares of the product of their two sigmas, those of the channels in shares of themselves above 1."""
 PLACE_DECIMALS: Final = 9
 """Decimals of latitude and longitude (deg): the last one is 0.1 mm."""
+BASIS: Final = ("aligned_parts", "position_from", "position_since_ns", "heading_from")
+"""Fields that say what an estimate rests on. They are compared as they are: logs of before have the same digests."""
 ANGLE_DECIMALS: Final = 5
 _NAN: Final = math.nan
 
@@ -56,14 +60,41 @@ def is_stored_in(data: bytes, record: Record) -> bool:
     """
     state = str(_state(record)).replace(" ", "")
     lat_deg, lon_deg = round(record["lat_deg"], PLACE_DECIMALS), round(record["lon_deg"], PLACE_DECIMALS)
-    heading_deg = _direction(record["heading_true_deg"])
+    says_basis = b'"position_from":' in data
+    heading_deg = _direction(record["heading_true_deg"] if says_basis else heading_of(record))
+    heading = "null" if heading_deg is None else heading_deg
     aligned = b'"aligned":true,' if record["aligned"] else b'"aligned":false,'
     return (
         digest_of(record).encode() in data
         and f'"state":{state},'.encode() in data
-        and f'"lat_deg":{lat_deg},"lon_deg":{lon_deg},"heading_true_deg":{heading_deg},'.encode() in data
+        and f'"lat_deg":{lat_deg},"lon_deg":{lon_deg},"heading_true_deg":{heading},'.encode() in data
         and aligned in data
+        and (not says_basis or _basis_text(*(record[name] for name in BASIS)).encode() in data)
     )
+
+
+def _basis_text(parts: tuple[str, ...], position: str, since_ns: int, heading: str | None) -> str:
+    """`BASIS` as our writer has it."""
+    words = str([*parts]).replace("'", '"').replace(" ", "")
+    heading_word = "null" if heading is None else f'"{heading}"'
+    return (
+        f'"aligned_parts":{words},"position_from":"{position}","position_since_ns":{since_ns},'
+        f'"heading_from":{heading_word},'
+    )
+
+
+def as_before(record: Record) -> Record:
+    """An estimate in the form that did not say what it rests on, and gave a heading whatever its doubt."""
+    return {name: value for name, value in record.items() if name not in BASIS} | {
+        "heading_true_deg": heading_of(record)
+    }
+
+
+def heading_of(record: Record) -> float | None:
+    """The heading that the filter works with, deg, be it shown or not; `None` where the state has none."""
+    if record["heading_true_deg"] is not None or "heading_rad" not in record["names"]:
+        return record["heading_true_deg"]  # type: ignore[no-any-return]
+    return heading_deg(record["state"][record["names"].index("heading_rad")])
 
 
 def _state(record: Record) -> list[float]:
@@ -72,7 +103,7 @@ def _state(record: Record) -> list[float]:
 
 
 def digest_of(record: Record) -> str:
-    """16 hex digits over every number and word of `Estimate.as_record()`; a stored record says its own."""
+    """16 hex digits over every number and word of `Estimate.as_record()` but `BASIS`; a stored record says its own."""
     if "digest" in record:
         return str(record["digest"])
     numbers = list(_numbers(record))
@@ -88,6 +119,8 @@ def is_near(record: Record, recorded: Record) -> bool:
 
     All words and whole numbers must be equal. The digest is not looked at.
     """
+    if recorded.get("position_from") is None:
+        record = as_before(record)
     stored_as = logged if "digest" in recorded else dict  # logs of the first form are not rounded
     # A variance decides how a number of the state is rounded, so that it is moved apart from the numbers.
     moves = [(by, of_variance) for by in (-TOLERANCE, TOLERANCE) for of_variance in (-TOLERANCE, TOLERANCE)]
@@ -157,8 +190,11 @@ def _moved(record: Record, by: float, of_variance: float) -> Record:
 def _numbers(record: Record) -> Iterator[float]:
     yield from record["state"]
     yield from record["covariance"]
-    for name in ("origin_lat_deg", "origin_lon_deg", "lat_deg", "lon_deg", "heading_true_deg", "sog_kn"):
+    for name in ("origin_lat_deg", "origin_lon_deg", "lat_deg", "lon_deg"):
         yield record[name]
+    heading = heading_of(record)
+    yield _NAN if heading is None else heading
+    yield record["sog_kn"]
     for name in ("sigma_east_m", "sigma_north_m", "sigma_heading_deg"):
         yield record[name]
     yield _NAN if record["cog_true_deg"] is None else record["cog_true_deg"]

@@ -65,21 +65,27 @@ class LogWriter:
         return self._log_time
 
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:
-        """A frame's bytes, unchanged; `frame` is the same, decoded. Its fixes once more as Foxglove draws them."""
+        """A frame's bytes, unchanged; `frame` is the same, decoded. Usable fixes once more as Foxglove draws them."""
         self._add(FRAMES, data, t_ns, frame.t1_ns, frame.seq % 2**32)
         self._summary.frame(frame)
         for fix in frame.fixes:
-            if fix.lat_deg is not None and fix.lon_deg is not None:
+            if fix.usable and fix.lat_deg is not None and fix.lon_deg is not None:
                 place = (fix.lat_deg, fix.lon_deg)
                 record = foxglove.location_fix(self._log_time, fix.t_ns, fix.sensor, place, None)
                 self._add(f"{FIXES}{fix.sensor}", _json(record), t_ns, fix.t_ns)
 
     def write_estimate(self, record: dict[str, Any], t_ns: int) -> None:
-        """What one filter published (`Estimate.as_record()`), rounded; each second once more as Foxglove draws it."""
+        """What one filter published (`Estimate.as_record()`), rounded.
+
+        Each second it comes once more as Foxglove draws it, where its position is valid.
+        """
         stored, name, boat_ns = logged(record), record["filter"], record["t_ns"]
         self._add(f"{ESTIMATES}{name}", _json(stored), t_ns, boat_ns)
         self._summary.estimate(stored)
-        if not 0 <= boat_ns - self._drawn_ns.get(name, boat_ns - NS_PER_S) < NS_PER_S:
+        if (
+            "position" in record["aligned_parts"]
+            and not 0 <= boat_ns - self._drawn_ns.get(name, boat_ns - NS_PER_S) < NS_PER_S
+        ):
             self._drawn_ns[name] = boat_ns
             place, size = (stored["lat_deg"], stored["lon_deg"]), len(stored["state"])
             east, cross, north = (stored["covariance"][index] for index in (0, 1, size))

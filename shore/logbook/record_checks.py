@@ -79,7 +79,11 @@ _ESTIMATE: Final[Record] = {
     "sigma_north_m": _Maybe(_NUMBER),
     "sigma_heading_deg": _Maybe(_NUMBER),
     "aligned": _FLAG,
+    "aligned_parts": _TEXTS,
     "waiting": _TEXTS,
+    "position_from": _Maybe(_TEXT),
+    "position_since_ns": _Maybe(_TIME),
+    "heading_from": _Maybe(_TEXT),
     "channels": _OBJECT,
 }
 _ESTIMATE_DEFAULTS: Final[Record] = {
@@ -118,17 +122,16 @@ _SESSIONS: Final[dict[str, Record]] = {
 _KIND: Final[Record] = {"kind": _TEXT}
 
 _raw_decode: Final = json.JSONDecoder(parse_constant=lambda _nan: None).raw_decode
-_numbers: Final = itemgetter(
-    "lat_deg", "lon_deg", "heading_true_deg", "sog_kn", "sigma_east_m", "sigma_north_m", "sigma_heading_deg"
-)
-_parts: Final = itemgetter("names", "state", "covariance", "waiting", "cog_true_deg")
+_numbers: Final = itemgetter("lat_deg", "lon_deg", "sog_kn", "sigma_east_m", "sigma_north_m", "sigma_heading_deg")
+_basis: Final = itemgetter("aligned_parts", "position_from", "position_since_ns", "heading_from")
+_parts: Final = itemgetter("names", "state", "covariance", "waiting", "cog_true_deg", "heading_true_deg")
 
 
 def content_of(topic: str, data: bytes) -> Record:
     """The content of a JSON record. Raises FormError when it has not the form of its channel."""
     content = _json(data)
     if topic.startswith(ESTIMATES):
-        return content if _is_quickly_sound(content) else _estimate(content)
+        return _with_basis(content) if _is_quickly_sound(content) else _estimate(content)
     try:
         json.dumps(content, allow_nan=False)
     except ValueError:  # 1e999 is JSON
@@ -166,7 +169,7 @@ def _is_quickly_sound(content: Record) -> bool:
     A sum is finite only when every number is, and nothing but numbers has one.
     """
     try:
-        names, state, covariance, waiting, course = _parts(content)
+        names, state, covariance, waiting, *directions = _parts(content)
         size = len(state)
         return (
             type(content["t_ns"]) is int
@@ -179,17 +182,39 @@ def _is_quickly_sound(content: Record) -> bool:
             and type(names) is type(state) is type(covariance) is type(waiting) is list
             and len(names) == size
             and len(covariance) == size * (size + 1) // 2
-            and math.isfinite(sum(_numbers(content)) + (course if course is not None else 0.0) + sum(state))
+            and math.isfinite(sum(_numbers(content)) + sum(each for each in directions if each is not None))
+            and math.isfinite(sum(state))
             and math.isfinite(sum(covariance))
             and ("".join(names), "".join(waiting)) is not None
+            and ("position_from" not in content or _has_sound_basis(content))
         )
     except (LookupError, TypeError, OverflowError):
         return False
 
 
+def _has_sound_basis(content: Record) -> bool:
+    parts, fix, since_ns, heading = _basis(content)
+    return (
+        type(parts) is list
+        and "".join(parts) is not None
+        and type(fix) is str
+        and type(since_ns) is int
+        and -(2**63) <= since_ns < 2**63
+        and (heading is None or type(heading) is str)
+    )
+
+
+def _with_basis(content: Record) -> Record:
+    """The estimate with what it rests on, which a form of before did not say: all of it was valid, or nothing."""
+    if "position_from" in content:
+        return content
+    parts = ["position", "heading"] if content["aligned"] else []
+    return {"aligned_parts": parts, "position_from": None, "position_since_ns": None, "heading_from": None, **content}
+
+
 def _estimate(content: Record) -> Record:
     """The estimate with defaults for what an early form did not have."""
-    whole = _ESTIMATE_DEFAULTS | content
+    whole = _with_basis(_ESTIMATE_DEFAULTS | content)
     _check(whole, _ESTIMATE)
     size = len(whole["state"])
     if len(whole["names"]) != size or len(whole["covariance"]) != size * (size + 1) // 2:

@@ -22,6 +22,7 @@ _TIME: Final = {"type": "integer", "description": "nanoseconds on the boat clock
 _NUMBER: Final = {"type": ["number", "null"]}
 _PLACE: Final = ("timestamp", "frame_id", "latitude", "longitude")
 _NUMBERS: Final = {"type": "array", "items": _NUMBER}
+_TEXTS: Final = {"type": "array", "items": {"type": "string"}}
 
 _SCHEMAS: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
     ESTIMATES: (
@@ -31,21 +32,25 @@ _SCHEMAS: Final[dict[str, tuple[str, dict[str, Any], tuple[str, ...]]]] = {
             "t_ns": _TIME,
             "boot_id": {"type": "string", "description": "with seq: the frame that caused it"},
             "seq": {"type": "integer"},
-            "names": {"type": "array", "items": {"type": "string"}, "description": "of state, with units"},
+            "names": {**_TEXTS, "description": "of state, with units"},
             "state": _NUMBERS,
             "covariance": {**_NUMBERS, "description": "upper triangle, row by row, in the units of names"},
             "origin_lat_deg": _NUMBER,
             "origin_lon_deg": _NUMBER,
             "lat_deg": _NUMBER,
             "lon_deg": _NUMBER,
-            "heading_true_deg": {**_NUMBER, "description": "clockwise from true north, [0, 360)"},
+            "heading_true_deg": {**_NUMBER, "description": "clockwise from true north, [0, 360); null = not known"},
             "sog_kn": _NUMBER,
             "cog_true_deg": {**_NUMBER, "description": "null while the speed is below its own sigma"},
             "sigma_east_m": {**_NUMBER, "description": "1-sigma"},
             "sigma_north_m": {**_NUMBER, "description": "1-sigma"},
             "sigma_heading_deg": {**_NUMBER, "description": "1-sigma"},
-            "aligned": {"type": "boolean", "description": "valid: nothing is waited for"},
-            "waiting": {"type": "array", "items": {"type": "string"}, "description": "what is not known yet"},
+            "aligned": {"type": "boolean", "description": "all parts are valid: nothing is waited for"},
+            "waiting": {**_TEXTS, "description": "what is not known yet"},
+            "aligned_parts": {**_TEXTS, "description": "what is valid: position (with the velocity), heading"},
+            "position_from": {"type": "string", "description": "fix, or coasting (dead reckoning)"},
+            "position_since_ns": {**_TIME, "description": "first fix of the row; while coasting, the last fix"},
+            "heading_from": {"type": ["string", "null"], "description": "compass, course or coasting"},
             "repairs": {"type": "integer"},
             "channels": {"type": "object", "description": "sensor.channel -> sigma, dom_ratio, nis"},
             "digest": {"type": "string", "description": "of all bits before numbers were rounded for the log"},

@@ -11,6 +11,46 @@ KEPT: Final = ("name", "place", "note")
 """Fields that an operator gives to a trip, in `/session` records of kind `trip`; the last ones hold."""
 LEG_NS: Final = NS_PER_S
 """Distance is summed over steps of this boat time, ns: shorter ones would count the noise."""
+HOLE_NS: Final = 10 * NS_PER_S
+"""Nothing is known of the time between two estimates that are further apart, ns."""
+NOT_ALIGNED, UNKNOWN = "not aligned", "unknown"
+"""What a position that is not valid, and a heading that is not known, rests on."""
+
+
+class Rests:
+    """For how long the estimates of one filter rested on what."""
+
+    def __init__(self) -> None:
+        self._times_ns: dict[str, Counter[str]] = {"position": Counter(), "heading": Counter()}
+        self._newest_ns: int | None = None
+        self._coasting_ns = self._longest_ns = 0
+        """Boat time of the present stretch of dead reckoning, and of the longest, ns."""
+
+    def take(self, record: dict[str, Any]) -> None:
+        """Take an estimate that says what it rests on; it holds for the time since the one before."""
+        t_ns, before_ns = record["t_ns"], self._newest_ns
+        if record["position_from"] is None:
+            return
+        self._newest_ns = t_ns
+        if before_ns is None or not 0 < t_ns - before_ns <= HOLE_NS:
+            self._coasting_ns = 0
+            return
+        has_heading = record["heading_true_deg"] is not None
+        position = record["position_from"] if "position" in record["aligned_parts"] else NOT_ALIGNED
+        self._times_ns["position"][position] += t_ns - before_ns
+        self._times_ns["heading"][record["heading_from"] if has_heading else UNKNOWN] += t_ns - before_ns
+        self._coasting_ns = self._coasting_ns + t_ns - before_ns if record["position_from"] == "coasting" else 0
+        self._longest_ns = max(self._longest_ns, self._coasting_ns)
+
+    def as_record(self) -> dict[str, Any]:
+        """Seconds by what position and heading rested on, and the longest stretch without a fix."""
+        return {
+            **{
+                f"{part}_from_s": {word: round(time_ns / NS_PER_S, 1) for word, time_ns in sorted(times_ns.items())}
+                for part, times_ns in self._times_ns.items()
+            },
+            "longest_coasting_s": round(self._longest_ns / NS_PER_S, 1),
+        }
 
 
 class TripSummary:
@@ -31,6 +71,7 @@ class TripSummary:
         self._last: tuple[int, float, float] | None = None
         """Boat time (ns), latitude and longitude (deg) of the last place that was counted."""
         self._distance_m = self._fastest_kn = 0.0
+        self._rests = Rests()
 
     def session(self, record: dict[str, Any], log_time_ns: int) -> None:
         """Take a `/session` record."""
@@ -50,10 +91,13 @@ class TripSummary:
         self._clock = clock_id, min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
 
     def estimate(self, record: dict[str, Any]) -> None:
-        """Take a published estimate; place and speed are those of the first filter that is aligned."""
+        """Take a published estimate; place and speed are those of the first filter while its position is valid."""
         if record["filter"] not in self._filters:
             self._filters.append(record["filter"])
-        if record["filter"] != self._filters[0] or not record["aligned"]:
+        if record["filter"] != self._filters[0]:
+            return
+        self._rests.take(record)
+        if "position" not in record["aligned_parts"]:
             return
         t_ns, lat_deg, lon_deg = record["t_ns"], record["lat_deg"], record["lon_deg"]
         if self._last is not None and 0 <= t_ns - self._last[0] < LEG_NS:
@@ -71,7 +115,7 @@ class TripSummary:
         self._levels[level] += 1
 
     def as_record(self) -> dict[str, Any]:
-        """The whole summary for JSON; places are `None` while no estimate was aligned."""
+        """The whole summary for JSON; places are `None` while no position was valid."""
         area = self._area or (None, None, None, None)
         return {
             **self._words,
@@ -84,6 +128,7 @@ class TripSummary:
             "events": dict(sorted(self._levels.items())),
             "distance_m": round(self._distance_m, 1),
             "max_sog_kn": round(self._fastest_kn, 2),
+            **self._rests.as_record(),
             **dict(zip(("south_deg", "north_deg", "west_deg", "east_deg"), area, strict=True)),
         }
 

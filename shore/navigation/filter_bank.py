@@ -39,6 +39,8 @@ class Moment(NamedTuple):
     heading: FirstHeading | None = None
     placed_ns: int | None = None
     """Boat time of the first position, ns."""
+    fixed_since_ns: int | None = None
+    """Boat time of the first position of the row, unbroken by a silence, that the newest one belongs to, ns."""
 
 
 not_finite_is_found = np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -48,9 +50,11 @@ not_finite_is_found = np.errstate(over="ignore", invalid="ignore", divide="ignor
 class Bank:
     """The filters of one boat."""
 
-    def __init__(self, filters: Sequence[Filter], has_compass: bool) -> None:
+    def __init__(self, filters: Sequence[Filter], has_compass: bool, lost_after_ns: int = LONGEST_WAIT_NS) -> None:
+        """lost_after_ns: a longer silence of the receivers ends a row of positions."""
         self.filters = tuple(filters)
         self.has_compass = has_compass
+        self._lost_after_ns = lost_after_ns
         self.resets: list[tuple[str, int]] = []
         """Filter and boat time (ns) of each state that was not finite and was thrown away; emptied by the reader."""
 
@@ -82,7 +86,14 @@ class Bank:
             else self._carry(each, state, steps, fused, t_ns)
             for each, state in zip(self.filters, moment.states, strict=True)
         )
-        return Moment(t_ns, states, *seeds, placed_ns)
+        return Moment(t_ns, states, *seeds, placed_ns, self._fixed_since_ns(moment, seeds.position))
+
+    def _fixed_since_ns(self, moment: Moment, position: Position | None) -> int | None:
+        before = moment.position
+        if position is None or position is before:
+            return moment.fixed_since_ns
+        is_broken = before is None or position.t_ns - before.t_ns > self._lost_after_ns
+        return position.t_ns if is_broken else moment.fixed_since_ns
 
     def _begin(
         self, each: Filter, t_ns: int, seeds: Seeds, shown: ImuInput | None, is_patient: bool

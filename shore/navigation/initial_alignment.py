@@ -1,5 +1,6 @@
-"""Initial alignment: position, heading and the biases of the IMU. Until all of them are known no estimate is valid.
+"""Initial alignment: position, heading and the biases of the IMU. Until all are known, not all of an estimate is valid.
 
+A boat without compass, or below the speed at which a course shows its heading, has a valid position all the same.
 A heading once known is lost again above its limit; biases are awaited once and stay known (a latch, no hysteresis).
 """
 
@@ -22,8 +23,11 @@ ACCEL_KNOWN_M_S2: Final = 0.1
 SILENT_AFTER_S: Final = 3.0
 """The biases of an inertial unit that has been silent for this time are not waited for."""
 
+NOISE: Final = "noise of the sensors"
+"""What is waited for before anything is valid; the rest is about the heading, and how long it holds without sensors."""
+
 Waiting = tuple[str, ...]
-"""What is not known yet, in words for people; empty = the estimate is valid."""
+"""What is not known yet, in words for people; empty = the whole estimate is valid."""
 
 
 def before_start(position: Position | None, heading: FirstHeading | None, has_compass: bool) -> Waiting:
@@ -31,6 +35,13 @@ def before_start(position: Position | None, heading: FirstHeading | None, has_co
     # A boat without compass takes its first heading from the course over ground.
     heading_words = "heading" if has_compass else "heading (2 kn or more: no compass)"
     return tuple(words for found, words in ((position, "position"), (heading, heading_words)) if found is None)
+
+
+def aligned_parts(waiting: Waiting) -> tuple[str, ...]:
+    """The parts of a started filter's estimate that are valid: `position` (with the velocity), `heading`."""
+    if NOISE in waiting:
+        return ()
+    return ("position",) if waiting else ("position", "heading")
 
 
 class Alignment:
@@ -45,7 +56,7 @@ class Alignment:
         is_settled = self._is_settled or _biases_are_settled(state)
         self._is_settled = is_measured and is_settled
         is_known = math.sqrt(state.P[HEADING, HEADING]) < math.radians(HEADING_KNOWN_DEG)
-        stages = (is_measured, "noise of the sensors"), (is_known, "heading"), (is_settled, "IMU biases")
+        stages = (is_measured, NOISE), (is_known, "heading"), (is_settled, "IMU biases")
         return tuple(words for is_passed, words in stages if not is_passed)
 
     def begin_again(self) -> None:

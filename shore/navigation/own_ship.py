@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from common.boat_config import BoatConfig
 from common.messages import Event, Frame
+from shore.navigation.basis import Bases
+from shore.navigation.basis_events import BasisEvents
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filter_bank import Bank, Moment
 from shore.navigation.filter_registry import build_filter
@@ -49,7 +51,8 @@ class OwnShip:
         self._names = tuple(names)
         self._alignments = {name: Alignment() for name in names}
         filters = [build_filter(name, facts, judge=judge) for name in names]
-        self._bank = Bank(filters, has_compass=bool(config.with_role("compass")))
+        self._bases = Bases(config)
+        self._bank = Bank(filters, bool(config.with_role("compass")), self._bases.lost_after_ns)
         self._feeder: Timeline | Synchronous = (
             Timeline(self._bank, self._intake.imu)
             if step_s is None
@@ -58,6 +61,7 @@ class OwnShip:
         driver = driving_sensor(config)
         self._trust_events = TrustEvents(self.notices, self._intake.imu, driver.id if driver else "")
         self._start_events = StartEvents(self.notices, has_compass=self._bank.has_compass)
+        self._basis_events = BasisEvents(self.notices, self._bases.lost_after_ns)
         self._first_ns: int | None = None
         self._newest_ns = 0
 
@@ -75,13 +79,16 @@ class OwnShip:
         if self._first_ns is None:
             self._first_ns, self._newest_ns = frame.t0_ns, frame.t1_ns
         self._newest_ns = max(self._newest_ns, frame.t1_ns)
+        self._bases.see(frame)
         moments = self._feeder.push(self._intake.batch(frame))
         self._notice_resets()
         estimates = [estimate for moment in moments for estimate in self._estimates(moment, frame)]
-        waiting = self._waiting(moments[-1], estimates) if moments else None
+        newest = next((item for item in reversed(estimates) if item.filter == self._names[0]), None)
+        waiting = self._waiting(moments[-1], newest) if moments else None
         self._start_events.take(moments, estimates, waiting, first_ns=self._first_ns, newest_ns=self._newest_ns)
         if moments:
             self._trust_events.take(moments[-1])
+            self._basis_events.take(frame, moments[-1], newest)
         self._notice_unused()
         return Estimated(tuple(estimates), self.notices.take(), waiting)
 
@@ -93,14 +100,15 @@ class OwnShip:
         for name, state in zip(self._names, moment.states, strict=True):
             if state is not None:
                 waiting = self._alignments[name].waiting(state)
-                estimates.append(estimate_of(state, frame, plane, name=name, t_ns=moment.t_ns, waiting=waiting))
+                basis = self._bases.of(moment, state)
+                made = estimate_of(state, frame, plane, name=name, t_ns=moment.t_ns, waiting=waiting, basis=basis)
+                estimates.append(made)
         return [estimate for estimate in estimates if estimate is not None]
 
-    def _waiting(self, moment: Moment, estimates: Sequence[Estimate]) -> tuple[str, ...]:
-        """What the first filter lacks."""
-        newest = [item for item in estimates if item.filter == self._names[0]]
-        if newest:
-            return newest[-1].waiting
+    def _waiting(self, moment: Moment, newest: Estimate | None) -> tuple[str, ...]:
+        """What the first filter lacks. newest: its estimate."""
+        if newest is not None:
+            return newest.waiting
         return before_start(moment.position, moment.heading, self._bank.has_compass) or ("restart",)
 
     def _notice_resets(self) -> None:

@@ -15,14 +15,6 @@ BACK: Final = {
     "compass-set-aside": "compass-taken-back",
     "gyro-set-aside": "gyro-taken-back",
 }
-QUALITIES: Final = {
-    1: "single",
-    2: "differential",
-    3: "PPS",
-    4: "RTK fixed",
-    5: "RTK float",
-}
-"""Words for the quality of GGA."""
 
 
 class TrustEvents:
@@ -35,7 +27,6 @@ class TrustEvents:
         self._driver = driver
         self._aside: dict[tuple[str, str], int] = {}
         """What is set aside as it was said, and since when."""
-        self._quality: dict[str, int | None] = {}
         self._repeats = False
 
     def take(self, moment: Moment) -> None:
@@ -52,12 +43,6 @@ class TrustEvents:
             if (code, sensor) not in now:
                 self._notices.say(BACK[code], moment.t_ns, sensor=sensor)
         self._aside = now
-        for sensor, receiver in trust.receivers.items():
-            before, quality = self._quality.get(sensor), receiver.quality
-            if before is not None and quality is not None and quality != before:
-                words = (QUALITIES.get(each, f"of quality {each}") for each in (before, quality))
-                self._notices.say("fix-quality", moment.t_ns, sensor=sensor, before=next(words), now=next(words))
-            self._quality[sensor] = quality
 
     def _take_repeats(self, t_ns: int) -> None:
         if self._imu is None or self._imu.repeats == self._repeats:

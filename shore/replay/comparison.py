@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from common.events import is_of_station
 from common.units import NS_PER_S
-from shore.logbook.estimate_rounding import digest_of, is_near, is_stored_in, logged
+from shore.logbook.estimate_rounding import as_before, digest_of, is_near, is_stored_in, logged
 from shore.logbook.log_reader import LogRecord
 from shore.logbook.schemas import ESTIMATES
 from shore.watchers.watcher import Step
@@ -166,6 +166,8 @@ class Comparison:
             self._compare(found[0], made, recorded)
 
     def _compare(self, key: Key, made: dict[str, Any], recorded: dict[str, Any]) -> None:
+        if recorded.get("position_from") is None:  # a log of before
+            made = as_before(made)
         stored = logged(made) if "digest" in recorded else made
         apart = _apart(stored, recorded)
         if apart is None and _digest(recorded) == digest_of(made):

@@ -17,6 +17,7 @@ from common.boat_config import BoatConfig
 from common.errors import WayfixError
 from common.messages import Frame
 from common.units import NS_PER_S
+from shore.navigation.basis import Bases, Basis
 from shore.navigation.estimate import Estimate, estimate_of
 from shore.navigation.filter_bank import Bank
 from shore.navigation.filters import FilterState
@@ -29,9 +30,9 @@ SUFFIX: Final = "-smoothed"
 """Suffix of the filter's name in smoothed estimates."""
 COLUMNS: Final = (
     "t_s", "lat_deg", "lon_deg", "heading_true_deg", "t_ns", "sog_kn", "sigma_east_m", "sigma_north_m",
-    "sigma_heading_deg",
+    "sigma_heading_deg", "position_from", "heading_from",
 )  # fmt: skip
-"""Columns of the CSV file, which is also a reference track."""
+"""Columns of the CSV file, which is also a reference track; a heading of too much doubt is empty."""
 
 
 def smooth_log(config: BoatConfig, frames: Iterable[Frame], name: str) -> list[Estimate]:
@@ -60,14 +61,15 @@ class _Run:
         self._intake = Intake(config, lambda _event: None)
         self._order = Order(self._intake.imu)
         self._smoother = Smoother(name, facts)
-        self._bank = Bank([self._smoother.filter], has_compass=bool(config.with_role("compass")))
+        self._bases = Bases(config)
+        self._bank = Bank([self._smoother.filter], bool(config.with_role("compass")), self._bases.lost_after_ns)
         self._moment = self._bank.at_rest()
         """Memory of the filter after the last settled event."""
         self._name = name + SUFFIX
         self._ends: deque[Frame] = deque()
         """Frames whose end is still to come."""
-        self._kept: list[Frame] = []
-        """Frames for whose end the smoother keeps a state."""
+        self._kept: list[tuple[Frame, Basis]] = []
+        """Frames for whose end the smoother keeps a state, and what that rested on."""
         self._estimates: list[Estimate] = []
 
     @property
@@ -77,6 +79,7 @@ class _Run:
 
     def take(self, frame: Frame) -> None:
         """Put a frame in its place, and settle what is older than the horizon."""
+        self._bases.see(frame)
         self._order.put(self._intake.batch(frame))
         self._order.put_end(frame.t1_ns)
         self._ends.append(_bare(frame))
@@ -100,9 +103,9 @@ class _Run:
                 self._smooth()
             if event.ends_frame:
                 frame = self._ends.popleft()
-                if self._moment.states[0] is not None:
+                if (state := self._moment.states[0]) is not None:
                     self._smoother.keep()
-                    self._kept.append(frame)
+                    self._kept.append((frame, self._bases.of(self._moment, state)))
         order.forget(until_ns)
 
     def _smooth(self) -> None:
@@ -111,9 +114,9 @@ class _Run:
         if not self._kept or plane is None:
             return
         repairs = self._smoother.filter.estimate.repairs
-        for frame, (space, x, P) in zip(self._kept, self._smoother.smoothed(), strict=True):
+        for (frame, basis), (space, x, P) in zip(self._kept, self._smoother.smoothed(), strict=True):
             state = FilterState(space, x, P, {}, repairs)
-            estimate = estimate_of(state, frame, plane, name=self._name, t_ns=frame.t1_ns, waiting=())
+            estimate = estimate_of(state, frame, plane, name=self._name, t_ns=frame.t1_ns, waiting=(), basis=basis)
             if estimate is not None:
                 self._estimates.append(estimate)
         self._kept.clear()
@@ -140,6 +143,8 @@ def write_track(path: Path, estimates: Iterable[Estimate]) -> int:
             writer = csv.writer(getwriter("utf-8")(file))
             writer.writerow(COLUMNS)
             for estimate in estimates:
+                if "position" not in estimate.aligned_parts:
+                    continue
                 count += 1
                 first_ns = estimate.t_ns if first_ns is None else first_ns
                 t_s = (estimate.t_ns - first_ns) / NS_PER_S

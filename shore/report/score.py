@@ -154,7 +154,8 @@ class Score:
     def take_estimate(self, record: dict[str, Any]) -> None:
         """One logged estimate (see `Estimate.as_record`)."""
         self._position(record["filter"], record["t_ns"], record["lat_deg"], record["lon_deg"])
-        self._heading(record["filter"], record["t_ns"], record["heading_true_deg"])
+        if record["heading_true_deg"] is not None:
+            self._heading(record["filter"], record["t_ns"], record["heading_true_deg"])
 
     def summary(self) -> dict[str, dict[str, float | None]]:
         """RMS tables: whole run and last quarter, rounded to 0.1 mm and 0.0001 deg."""
@@ -234,12 +235,13 @@ class Consistency:
         """NIS of the newest update, by (filter, channel)."""
 
     def take(self, record: dict[str, Any]) -> None:
-        """One estimate (`Estimate.as_record`); one that is not aligned counts for nothing."""
-        if not record["aligned"]:
+        """One estimate (`Estimate.as_record`); only its valid parts count."""
+        if "position" not in record["aligned_parts"]:
             return
         name = record["filter"]
         self._add(name, "sigma_m", float(np.hypot(record["sigma_east_m"], record["sigma_north_m"])))
-        self._add(name, "sigma_deg", record["sigma_heading_deg"])
+        if record["aligned"]:
+            self._add(name, "sigma_deg", record["sigma_heading_deg"])
         for channel, report in record["channels"].items():
             nis = report["nis"]
             if nis is not None and self._last.get((name, channel)) != nis:
@@ -251,7 +253,7 @@ class Consistency:
         return {
             name: {
                 **{figure: _mean(sums.get(figure)) for figure in FIGURES},
-                "aligned": sums["sigma_m"][1],
+                "aligned": sums.get("sigma_deg", (0.0, 0))[1],
             }
             for name, sums in self._sums.items()
         }

@@ -13,6 +13,9 @@ from common.units import NS_PER_S
 Points = NDArray[np.float64]
 
 COLOURS: Final = {"fixes": "#9db4c8", "track": "#d62839", "doubt": "#2f6fdb", "heading": "#222222", "grey": "#777777"}
+STRETCHES: Final = ("not aligned", "fix", "coasting")
+"""What a row rests on."""
+GROUNDS: Final = {"not aligned": "#bbbbbb", "coasting": "#f2b36b"}
 LEVELS: Final = {"info": "#2a8ae0", "warning": "#e9861b", "error": "#a0006d"}
 ELLIPSES: Final = 14
 """Least number of error ellipses along the track."""
@@ -35,7 +38,7 @@ class TripPlot:
     """Latitude and longitude of the point east = north = 0, deg."""
     rows: Points
     """Rows (n, 10): time (s), east, north (m), heading (deg), variance east, covariance, variance north (m^2), sigma
-    heading (deg), aligned, first of a piece."""
+    heading (deg), place in `STRETCHES`, first of a piece."""
     fixes: Points
     """Positions of the fixes (m, 2): east, north, m."""
     direction: str = "true heading, deg"
@@ -91,7 +94,10 @@ def _draw_track(axes: Any, trip: TripPlot) -> None:
     if len(trip.fixes):
         axes.plot(*trip.fixes.T, ".", color=COLOURS["fixes"], markersize=4, label="GPS fixes", zorder=1)
     line = {"color": COLOURS["track"], "linewidth": 1.6, "zorder": 3}
-    axes.plot(east, north, **line, label="track")
+    is_coasting = trip.rows[:, 8] == STRETCHES.index("coasting")
+    axes.plot(np.where(is_coasting, np.nan, east), north, **line, label="track")
+    if is_coasting.any():
+        axes.plot(np.where(is_coasting, east, np.nan), north, **line, linestyle=":", label="coasting: no fix")
     known = np.flatnonzero(np.isfinite(trip.rows[:, 4:7]).all(axis=1))
     for place, index in enumerate(_apart(trip.rows, known[_evenly(trip.rows[known, 1:3], ELLIPSES)])):
         width, height, angle_deg = _ellipse(*trip.rows[index, 4:7])
@@ -174,17 +180,20 @@ def _draw_sigma(axes: Any, trip: TripPlot) -> None:
 
 
 def _draw_times(axes: Any, trip: TripPlot) -> None:
-    """Events as lines; where the filter was not aligned yet, a grey ground."""
+    """Events as lines; a ground of its own where the position was not aligned yet, and where there was no fix."""
     for each in trip.events:
         if each.level in LEVELS:
             time = _utc(np.array([each.time]))[0] if trip.has_utc else each.time
             axes.axvline(time, color=LEVELS[each.level], linewidth=1.0, alpha=0.55, zorder=0)
     low, high = axes.get_ylim()
-    unsure = trip.rows[:, 8] == 0.0
-    if unsure.any():
-        grey = {"color": "#bbbbbb", "alpha": 0.35, "linewidth": 0, "zorder": 0}
-        ground = axes.fill_between(_times(trip), low, high, where=unsure, label="not aligned", **grey)
-        axes.legend(handles=[ground], loc="upper right", fontsize=8)
+    grounds = []
+    for stretch, colour in GROUNDS.items():
+        here = trip.rows[:, 8] == STRETCHES.index(stretch)
+        if here.any():
+            look = {"color": colour, "alpha": 0.35, "linewidth": 0, "zorder": 0}
+            grounds.append(axes.fill_between(_times(trip), low, high, where=here, label=stretch, **look))
+    if grounds:
+        axes.legend(handles=grounds, loc="upper right", fontsize=8)
     axes.set_ylim(low, high)
     if trip.has_utc:
         from matplotlib.dates import AutoDateLocator, ConciseDateFormatter

@@ -24,7 +24,7 @@ from common.errors import WayfixError
 from common.toml_text import toml_text
 from common.units import NS_PER_S
 from shore.logbook.arithmetic import WORDS, Arithmetic, arithmetic_here, unlike
-from shore.logbook.estimate_rounding import TOLERANCE, digest_of
+from shore.logbook.estimate_rounding import TOLERANCE, digest_of, heading_of
 
 if TYPE_CHECKING:
     from shore.replay.frames import Span
@@ -194,7 +194,8 @@ class Sampler:
             if t_s < self._next_s.get(name, 0.0) - 1e-6:
                 continue
             self._next_s[name] = (t_s // self._every_s + 1.0) * self._every_s
-            values = {column: f"{record[column]:.{DECIMALS}f}" for column in COLUMNS}
+            shown = {**record, "heading_true_deg": heading_of(record)}  # whatever its doubt
+            values = {column: f"{shown[column]:.{DECIMALS}f}" for column in COLUMNS}
             aligned = str(int(record["aligned"]))
             yield {"t_s": f"{t_s:.3f}", "filter": name, "aligned": aligned, **values, "digest": digest_of(record)}
 

@@ -199,6 +199,7 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
         yield "time", f"{_second(start_ns)} to {_second(result.last_ns)}"
     yield "length", duration(number(summary.get("seconds")))
     yield "sailed", _sailed(summary, result.fixes_area)
+    yield from _rests(result.trip.as_record())
     yield "frames", frames_text(result)
     yield "filters", ", ".join(map(str, summary.get("filters") or ())) or "none"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
@@ -234,10 +235,27 @@ def _sailed(summary: dict[str, Any], fixes_area: tuple[float, float, float, floa
     if None in area:
         if fixes_area is None:
             return "no place is known"
-        return f"nothing was aligned; the fixes are in {_sides(*fixes_area)}"
+        return f"no position was valid; the fixes are in {_sides(*fixes_area)}"
     speed = number(summary.get("max_sog_kn"))
     told = f"{distance(metres)}, up to {speed:.1f} kn" if speed is not None else distance(metres)
     return f"{told}, in {_sides(*area)}"
+
+
+def _rests(computed: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """For how long position and heading rested on what, as the log's own estimates say; nothing of older logs."""
+    longest_s = computed["longest_coasting_s"]
+    words = {"fix": "on fixes", "coasting": f"coasting without a fix (longest {duration(longest_s)})"}
+    words |= {
+        "compass": "by compass",
+        "course": "by the course over ground",
+        "unknown": "not known",
+        "not aligned": "not valid",
+    }
+    for part in ("position", "heading"):
+        if times := computed[f"{part}_from_s"]:
+            said = words | ({"coasting": "carried on without a compass"} if part == "heading" else {})
+            most_first = sorted(times, key=times.__getitem__, reverse=True)
+            yield part, ", ".join(f"{duration(times[word])} {said.get(word, word)}" for word in most_first)
 
 
 def _sides(south: float, north: float, west: float, east: float) -> str:

@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from math import hypot
 
+from common.units import NS_PER_S
+from shore.navigation.basis import COASTING, COURSE
+from shore.navigation.estimate import MOST_DOUBT_M, Estimate
 from shore.settings.station import DEFAULTS, StationSettings
 from shore.watchers.newest import Age, Newest, quality_of
 from shore.watchers.watcher import SourceState, Start, Step, Watcher
@@ -53,12 +56,29 @@ def _estimate_text(newest: Newest) -> str:
     waiting = f" waiting for: {', '.join(newest.waiting)}" if newest.waiting else ""
     if estimate is None:
         return f"{newest.filter}{waiting or ' waits'}"
-    sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
-    heading = f"{_tenths(estimate.heading_true_deg)}°T ±{estimate.sigma_heading_deg:.1f}°"
-    place = position_text(estimate.lat_deg, estimate.lon_deg)
     age = newest.age_of_estimate(estimate)
     stale = f" {_age_text(age)}" if age.is_stale else ""
-    return f"{newest.filter} {place} ±{sigma_m:.1f} m  {heading}  {estimate.sog_kn:.1f} kn{stale}{waiting}"
+    place, heading = _place_text(estimate), _estimated_heading(estimate)
+    return f"{newest.filter} {place}  {heading}  {estimate.sog_kn:.1f} kn{stale}{waiting}"
+
+
+def _place_text(estimate: Estimate) -> str:
+    """The place with its doubt, and since when it is dead reckoning; none where the doubt is too large for one."""
+    sigma_m = hypot(estimate.sigma_east_m, estimate.sigma_north_m)
+    text = f"{position_text(estimate.lat_deg, estimate.lon_deg)} ±{sigma_m:.1f} m"
+    if sigma_m > MOST_DOUBT_M:
+        text = f"position unknown (±{sigma_m / 1000.0:.1f} km)"
+    if estimate.position_from == COASTING:
+        text += f" COASTING {(estimate.t_ns - estimate.position_since_ns) / NS_PER_S:.0f} s"
+    return text
+
+
+def _estimated_heading(estimate: Estimate) -> str:
+    """The heading with its doubt, and what it comes from when that is no compass."""
+    if estimate.heading_true_deg is None:
+        return "heading unknown"
+    words = {COURSE: " by COG", COASTING: " carried on"}.get(estimate.heading_from or "", "")
+    return f"{_tenths(estimate.heading_true_deg)}°T ±{estimate.sigma_heading_deg:.1f}°{words}"
 
 
 def _fix_text(newest: Newest) -> str:

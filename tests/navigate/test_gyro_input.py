@@ -9,6 +9,7 @@ import pytest
 from common.boat_config import BoatConfig, SensorTable
 from common.messages import Frame, TurnRate
 from shore.navigation.imu_track import blocks_of, driving_sensor
+from shore.navigation.state_space import HEADING
 from shore.pipeline import Pipeline
 from tests.navigate.voyages import BOAT, frames_of, sail
 
@@ -33,7 +34,7 @@ def heading_rms_deg(config: BoatConfig, frames: list[Frame]) -> float:
     pipeline = Pipeline(config, ("ukf",))
     truth = np.degrees(sail(62, 0.05).states[:, 4])
     errors = [
-        math.remainder(estimate.heading_true_deg - float(truth[2 * estimate.seq + 2]), 360.0)
+        math.remainder(math.degrees(estimate.state[HEADING]) - float(truth[2 * estimate.seq + 2]), 360.0)
         for frame in frames
         for estimate in pipeline.push(frame).estimates
     ]
@@ -94,5 +95,6 @@ def test_a_rate_that_no_gyro_can_show_is_left_out_and_told() -> None:
     for frame in frames:
         (one,), output = good.push(frame).estimates, hit.push(bad if frame.seq == 100 else frame)
         told += [item for item in output.events if item.code == "imu-implausible"]
-        assert abs(math.remainder(one.heading_true_deg - output.estimates[0].heading_true_deg, 360.0)) < 0.2
+        apart_rad = one.state[HEADING] - output.estimates[0].state[HEADING]
+        assert abs(math.degrees(math.remainder(apart_rad, math.tau))) < 0.2
     assert [(item.source, item.evidence["count"]) for item in told] == [("gyro1", 2)]

@@ -8,6 +8,7 @@ import pytest
 
 from common.messages import Frame, ImuBlock
 from shore.navigation.imu_track import ImuTrack
+from shore.navigation.state_space import HEADING
 from shore.pipeline import Pipeline
 from tests.navigate.test_pipeline import play
 from tests.navigate.test_timeline import IMU, S, block, covered
@@ -112,7 +113,7 @@ def test_a_frame_of_values_no_imu_can_show_moves_nothing(
     assert len(hit) == len(whole)
     for one, other in zip(whole, hit, strict=True):
         assert one.state[:4] == pytest.approx(other.state[:4], abs=0.05)
-        assert abs(one.heading_true_deg - other.heading_true_deg) < 0.2
+        assert abs(math.degrees(one.state[HEADING] - other.state[HEADING])) < 0.2
     told = [item for item in events if item.code == "imu-implausible"]
     assert [(item.source, item.evidence["count"]) for item in told] == [("imu1", 2)]
 

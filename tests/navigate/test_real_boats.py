@@ -85,7 +85,7 @@ def test_each_quality_of_fix_has_its_own_doubt() -> None:
     figures, runs = sailed("rtk-single-float", boats=2, seconds=600.0)
     for part in ("rtk1", "single", "rtk2", "float", "rtk3"):
         assert figures[f"in95.{part}"] >= 0.9, part
-    assert all("fix-quality" in each for each in codes(runs))
+    assert all("fix-quality-changed" in each for each in codes(runs))
     for part in ("rtk1", "rtk2", "rtk3"):
         assert figures[f"position_shown_m.{part}"] <= 0.1, part
 

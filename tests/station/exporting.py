@@ -77,7 +77,8 @@ def estimate(t_s: float, lat_deg: float, lon_deg: float, **more: Any) -> dict[st
         t_ns=round(t_s * NS), boot_id="b1", seq=round(t_s * 10), filter="ukf", names=("east_m", "north_m"),
         state=(0.0, 0.0), covariance=(4.0, 0.5, 9.0), origin_lat_deg=0.0, origin_lon_deg=0.0, lat_deg=lat_deg,
         lon_deg=lon_deg, heading_true_deg=12.5, sog_kn=3.0, cog_true_deg=None, sigma_east_m=2.0, sigma_north_m=3.0,
-        sigma_heading_deg=1.0, aligned=True, waiting=(), repairs=0, channels={},
+        sigma_heading_deg=1.0, aligned=True, aligned_parts=("position", "heading"), waiting=(), position_from="fix",
+        position_since_ns=0, heading_from="compass", repairs=0, channels={},
     )  # fmt: skip
     return replace(made, **more).as_record()
 
@@ -124,9 +125,11 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 
 def kml_places(path: Path) -> list[tuple[float, float]]:
-    (track,) = (feature for feature in kml_features(path) if isinstance(feature, fastkml.Placemark))
-    pieces: Any = getattr(track.kml_geometry, "tracks", ())
-    return [(item.coord.y, item.coord.x) for piece in pieces for item in piece.track_items]
+    """Of all stretches in order of time."""
+    tracks: Any = [feature for feature in kml_features(path) if isinstance(feature, fastkml.Placemark)]
+    pieces = [piece for track in tracks for piece in track.kml_geometry.tracks]
+    items = sorted((item for piece in pieces for item in piece.track_items), key=lambda item: item.when.dt)
+    return [(item.coord.y, item.coord.x) for item in items]
 
 
 def kml_features(path: Path) -> list[Any]:
@@ -141,7 +144,8 @@ def gpx_of(path: Path) -> Any:
 
 def sentences(path: Path) -> Iterator[Any]:
     for line in path.read_bytes().decode("ascii").split("\r\n")[:-1]:
-        yield pynmea2.parse(line, check=True)
+        if line[3:6] != "THS":  # which pynmea2 does not know
+            yield pynmea2.parse(line, check=True)
 
 
 def mcap_messages(path: Path, topic: str) -> list[dict[str, Any]]:
@@ -150,6 +154,13 @@ def mcap_messages(path: Path, topic: str) -> list[dict[str, Any]]:
 
 
 def line_places(geojson: dict[str, Any]) -> list[tuple[float, float]]:
-    geometry = geojson["features"][0]["geometry"]
-    lines = geometry["coordinates"] if geometry["type"] == "MultiLineString" else [geometry["coordinates"]]
-    return [(lat, lon) for line in lines for lon, lat in line]
+    return [(lat, lon) for line in lines_of(geojson) for lon, lat in line]
+
+
+def lines_of(geojson: dict[str, Any]) -> list[list[list[float]]]:
+    """Coordinates of the pieces of track; each has as many times."""
+    lines = [each for each in geojson["features"] if each["geometry"] and each["geometry"]["type"] == "LineString"]
+    for each in lines:
+        times = each["properties"].get("coordTimes") or each["properties"]["times_s"]
+        assert len(times) == len(each["geometry"]["coordinates"])
+    return [each["geometry"]["coordinates"] for each in lines]

@@ -40,7 +40,8 @@ def estimate(t_ns: int, seq: int = 0, name: str = "fuzzy", **fields: Any) -> dic
         t_ns=t_ns, boot_id="0123456789abcdef", seq=seq, filter=name, names=("east_m", "north_m"), state=(1.0, seq / 3),
         covariance=(1.0, 0.0, 2.0), origin_lat_deg=50.0, origin_lon_deg=-4.0, lat_deg=50.0 + seq / 1e4, lon_deg=-4.0,
         heading_true_deg=12.3, sog_kn=2.0, cog_true_deg=None, sigma_east_m=1.0, sigma_north_m=1.4,
-        sigma_heading_deg=1.0, aligned=True, waiting=(), repairs=0, channels={},
+        sigma_heading_deg=1.0, aligned=True, aligned_parts=("position", "heading"), waiting=(), position_from="fix",
+        position_since_ns=0, heading_from="compass", repairs=0, channels={},
     )  # fmt: skip
     return whole.as_record() | fields
 

@@ -30,6 +30,7 @@ from tests.station.exporting import (
     export,
     gpx_of,
     line_places,
+    lines_of,
     log_of,
     rows_of,
     sentences,
@@ -65,7 +66,7 @@ def test_a_gap_a_reset_and_a_reboot_begin_a_new_piece(tmp_path: Path) -> None:
     (track,) = gpx_of(tmp_path / "a.gpx").tracks
     assert [len(segment.points) for segment in track.segments] == [3, 2, 2, 1]
     whole = geojson_of(log)
-    assert [len(line) for line in whole["features"][0]["geometry"]["coordinates"]] == [3, 2, 2, 2]
+    assert [len(line) for line in lines_of(whole)] == [3, 2, 2, 2]
     assert export(log, "--to", "kml", tmp_path / "a.kml") == 0
     assert validate(file_to_validate=tmp_path / "a.kml")
     assert (tmp_path / "a.kml").read_text().count("<gx:Track>") == 4
@@ -73,9 +74,7 @@ def test_a_gap_a_reset_and_a_reboot_begin_a_new_piece(tmp_path: Path) -> None:
     seconds = [float(row["t_s"]) for row in rows_of(tmp_path / "a.csv")]
     assert seconds == sorted(seconds)
     # every piece keeps its beginning
-    assert [len(line) for line in geojson_of(log, "--every", "100")["features"][0]["geometry"]["coordinates"]] == [
-        2
-    ] * 4
+    assert [len(line) for line in lines_of(geojson_of(log, "--every", "100"))] == [2] * 4
     assert export(log, "--to", "png", tmp_path / "a.png") == 0
 
 
@@ -103,9 +102,7 @@ def test_a_table_of_many_rows_is_whole(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_line_is_cut_at_the_180th_meridian(tmp_path: Path) -> None:
     places = [(10.0, 179.98), (10.01, 179.99), (10.03, -179.99), (10.04, -179.98), (10.02, 179.98)]
     log = log_of(tmp_path / "log.mcap", [estimate(t_s, *place) for t_s, place in enumerate(places, 1)])
-    geometry = geojson_of(log)["features"][0]["geometry"]
-    assert geometry["type"] == "MultiLineString"
-    assert geometry["coordinates"] == [
+    assert lines_of(geojson_of(log)) == [
         [[179.98, 10.0], [179.99, 10.01], [180.0, 10.02]],
         [[-180.0, 10.02], [-179.99, 10.03], [-179.98, 10.04], [-180.0, 10.03]],
         [[180.0, 10.03], [179.98, 10.02]],
@@ -157,13 +154,13 @@ def test_one_place_alone_is_told_twice(tmp_path: Path) -> None:
 
 def test_what_is_not_aligned_is_not_valid(tmp_path: Path) -> None:
     items = [
-        estimate(1.0, -0.5, 1.0, aligned=False, waiting=("heading",)),
+        estimate(1.0, -0.5, 1.0, aligned=False, aligned_parts=(), waiting=("noise of the sensors", "heading")),
         estimate(1.1, -0.5, 1.0, cog_true_deg=359.9999),
     ]
     assert export(log_of(tmp_path / "log.mcap", items), "--to", "nmea", tmp_path / "a.nmea") == 0
     gga, rmc, valid_gga, valid_rmc, hdt = sentences(tmp_path / "a.nmea")
-    assert (gga.gps_qual, rmc.status, rmc.data[11]) == (0, "V", "N")
-    assert (valid_gga.gps_qual, valid_rmc.status, valid_rmc.data[11]) == (1, "A", "A")
+    assert (gga.gps_qual, rmc.status, rmc.data[11:]) == (0, "V", ["N", "U"])
+    assert (valid_gga.gps_qual, valid_rmc.status, valid_rmc.data[11:]) == (1, "A", ["A", "S"])
     assert (valid_rmc.data[6], valid_rmc.data[7], hdt.data) == ("3.000", "0.000", ["12.500", "T"])
     assert {sentence.talker for sentence in (gga, rmc, hdt)} == {"IN"}
     assert (valid_gga.data[1], valid_gga.data[2]) == ("0030.0000000", "S")

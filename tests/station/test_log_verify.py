@@ -172,7 +172,7 @@ def test_a_trip_of_which_nothing_was_aligned_is_where_its_fixes_are(
     writer.close()
     assert wayfix_log("info", writer.path) == 0
     said = capsys.readouterr().out
-    assert "nothing was aligned; the fixes are in 50.00000 N to 50.00090 N, 4.00000 W to 4.00000 W" in " ".join(
+    assert "no position was valid; the fixes are in 50.00000 N to 50.00090 N, 4.00000 W to 4.00000 W" in " ".join(
         said.split()
     )
 

@@ -56,8 +56,10 @@ def test_a_reference_is_interpolated_across_north_and_never_over_a_hole(tmp_path
 
 def record(name: str, nis: float, *, aligned: bool = True) -> dict[str, Any]:
     channel = {"sigma": 1.0, "dom_ratio": None, "nis": nis}
+    parts = ["position", "heading"] if aligned else []
     return {
-        "filter": name, "aligned": aligned, "sigma_east_m": 3.0, "sigma_north_m": 4.0, "sigma_heading_deg": 2.0,
+        "filter": name, "aligned": aligned, "aligned_parts": parts,
+        "sigma_east_m": 3.0, "sigma_north_m": 4.0, "sigma_heading_deg": 2.0,
         "channels": {"gps1.east": channel, "gps1.north": {**channel, "nis": 2.0 * nis}, "compass1.heading": channel},
     }  # fmt: skip
 

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -7,11 +8,13 @@ from hypothesis import strategies as st
 from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.messages import Fix, Frame, Heading
 from common.units import NS_PER_S
+from shore.navigation.estimate import Estimate
 from shore.pipeline import Output, Pipeline
 from shore.watchers.newest import Newest
 from shore.watchers.status import position_text, status_text
 from shore.watchers.watcher import SourceState
 from tests.navigate.voyages import UNCALIBRATED, frames_of, sail
+from tests.station.exporting import estimate
 from tests.strategies import frame_of
 
 CONFIG = BoatConfig(
@@ -98,3 +101,27 @@ def test_a_position_text_is_right_to_half_a_thousandth_of_a_minute(lat: float, l
     value = int(degrees) + float(minutes[:-2]) / 60
     assert abs(value - abs(lat)) <= 0.00051 / 60
     assert minutes[-1] == ("S" if lat < 0 else "N")
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({}, "42°13.800'N 008°44.400'W ±5.0 m  012.5°T ±1.0°  3.0 kn"),
+        (
+            {"position_from": "coasting", "position_since_ns": 0, "sigma_east_m": 30.0, "sigma_north_m": 40.0},
+            "42°13.800'N 008°44.400'W ±50.0 m COASTING 115 s  012.5°T ±1.0°  3.0 kn",
+        ),
+        (
+            {"position_from": "coasting", "position_since_ns": 0, "sigma_east_m": 600.0},
+            "position unknown (±0.6 km) COASTING 115 s  012.5°T ±1.0°  3.0 kn",
+        ),
+        ({"heading_true_deg": None, "heading_from": None}, "±5.0 m  heading unknown  3.0 kn"),
+        ({"heading_from": "course", "sigma_heading_deg": 22.0}, "±5.0 m  012.5°T ±22.0° by COG  3.0 kn"),
+        ({"heading_from": "coasting"}, "±5.0 m  012.5°T ±1.0° carried on  3.0 kn"),
+    ],
+)
+def test_what_an_estimate_rests_on_is_said_and_no_number_of_too_much_doubt(changes: dict[str, Any], told: str) -> None:
+    line = Newest(CONFIG, "ukf")
+    record = estimate(115.0, 42.23, -8.74, sigma_east_m=3.0, sigma_north_m=4.0) | changes
+    line.take(ended_at(115.0), Output(estimates=(Estimate(**record),)))
+    assert status_text(line, SourceState(0, 0)).split(" | ")[0].endswith(told)

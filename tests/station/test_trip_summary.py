@@ -24,12 +24,16 @@ def estimate(t_s: float, east_m: float, north_m: float, **other: Any) -> dict[st
         "lon_deg": lon_deg,
         "sog_kn": 2.0,
         "aligned": True,
+        "aligned_parts": ["position", "heading"],
+        "heading_true_deg": 90.0,
+        "position_from": "fix",
+        "heading_from": "compass",
     } | other
 
 
-def test_the_way_is_summed_over_seconds_of_the_first_filter_while_aligned() -> None:
+def test_the_way_is_summed_over_seconds_of_the_first_filter_while_its_position_is_valid() -> None:
     summary = TripSummary()
-    summary.estimate(estimate(0.0, 900.0, 0.0, aligned=False, sog_kn=50.0))
+    summary.estimate(estimate(0.0, 900.0, 0.0, aligned=False, aligned_parts=[], sog_kn=50.0))
     for tenth in range(101):
         wobble_m = 0.5 * (-1) ** tenth if tenth % 10 else 0.0  # within a second: noise, no way
         summary.estimate(estimate(0.1 * tenth, 3.0 * 0.1 * tenth + wobble_m, 4.0 * 0.1 * tenth))
@@ -72,3 +76,33 @@ def test_names_are_the_last_given_ones_and_nothing_known_is_none() -> None:
         7,
     ]
     assert found["events"] == {"info": 1, "warning": 2}
+
+
+def test_the_time_is_summed_by_what_position_and_heading_rest_on() -> None:
+    summary = TripSummary()
+    stretches: list[tuple[int, dict[str, Any]]] = [
+        (10, {"aligned_parts": [], "heading_true_deg": None, "heading_from": None}),
+        (20, {}),
+        (40, {"position_from": "coasting"}),
+        (10, {"heading_from": "course"}),
+        (5, {"position_from": "coasting"}),
+    ]
+    second = 0
+    for count, changes in stretches:
+        for _ in range(count):
+            second += 1
+            summary.estimate(estimate(float(second), 0.0, 0.0, **changes))
+            summary.estimate(estimate(float(second), 0.0, 0.0, filter="kf", position_from="coasting"))
+    summary.estimate(estimate(second + 60.0, 0.0, 0.0))  # nothing is known of the minute between them
+    found = summary.as_record()
+    assert found["position_from_s"] == {"coasting": 45.0, "fix": 30.0, "not aligned": 9.0}
+    assert found["heading_from_s"] == {"compass": 65.0, "course": 10.0, "unknown": 9.0}
+    assert found["longest_coasting_s"] == 40.0
+
+
+def test_estimates_of_before_say_nothing_of_it() -> None:
+    summary = TripSummary()
+    for second in range(5):
+        summary.estimate(estimate(float(second), 0.0, 0.0, position_from=None, heading_from=None))
+    found = summary.as_record()
+    assert (found["position_from_s"], found["heading_from_s"], found["longest_coasting_s"]) == ({}, {}, 0.0)

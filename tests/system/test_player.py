@@ -133,6 +133,7 @@ def test_the_track_of_a_moored_boat_without_imu(tmp_path: Path) -> None:
     assert len(estimates) > 3 * 1300
     plane = LocalPlane(fixes[0].lat_deg, fixes[0].lon_deg)  # type: ignore[arg-type]
     for estimate in estimates:
+        assert estimate.heading_true_deg is not None
         numbers = (estimate.lat_deg, estimate.lon_deg, estimate.heading_true_deg)
         assert all(math.isfinite(value) for value in numbers)
         fix = max((fix for fix in fixes if fix.t_ns <= estimate.t_ns), key=lambda fix: fix.t_ns)
