@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.smooth and is_whole:
             summary["smoothed"] = looked.smooth(arguments.smooth)
     summary["filters"] = looked.consistency.summary()
-    if filters or arguments.reference:
+    if filters or arguments.reference or arguments.smooth:
         tell(consistency_table(summary["filters"]))
     if looked.score is not None:
         looked.score.check(arguments.reference)
@@ -116,10 +116,11 @@ class Looked:
     """What a replay is for: everything that looks at its steps."""
 
     def __init__(self, arguments: argparse.Namespace, replay: "Replay") -> None:
-        from shore.watchers.score import ConsistencyWatcher, ScoreWatcher
+        from shore.watchers.score import ConsistencyWatcher, DoubtWatcher, ScoreWatcher
 
         self._arguments = arguments
         self._replay = replay
+        self._live = DoubtWatcher(replay.filters[0]) if arguments.smooth else None
         self._consistency = ConsistencyWatcher()
         self._score = ScoreWatcher(arguments.reference) if arguments.reference else None
 
@@ -140,7 +141,8 @@ class Looked:
         from shore.watchers.watcher import Watchers
 
         arguments, replay = self._arguments, self._replay
-        watchers: list[Watcher] = [self._consistency, *([self._score] if self._score else [])]
+        asked = (self._score, self._live)
+        watchers: list[Watcher] = [self._consistency, *(each for each in asked if each is not None)]
         pace = Pace(arguments.speed) if arguments.speed else None
         try:
             with ExitStack() as stack:
@@ -160,16 +162,21 @@ class Looked:
         """Write the smoothed track; raises WayfixError."""
         from shore.replay.run import smoothed
         from shore.replay.smooth import write_track
+        from shore.report.own_doubt import verdict
 
         name = self._replay.filters[0]
         track = smoothed(self._arguments.log, name, span_of(self._arguments))
         with _progress("smoothing"):
             count = write_track(path, self._scored(track))
         tell(f"{count} smoothed estimates of {name} in {path}: each knows the whole log, none was seen live")
-        return {"estimates": count, "file": str(path)}
+        inside = self._live.doubt.summary() if self._live else {}
+        tell(f"{name}: {verdict(inside)}")
+        return {"estimates": count, "file": str(path), "inside_95": inside}
 
     def _scored(self, track: Iterator[Any]) -> Iterator[Any]:
         for estimate in track:
+            if self._live is not None:
+                self._live.doubt.compare(estimate)
             if self.score is not None:
                 self.score.take_estimate(estimate.as_record())
             yield estimate

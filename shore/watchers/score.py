@@ -1,8 +1,9 @@
-"""Score watchers: RMS errors against a reference track, and the consistency of each filter (NIS)."""
+"""Score watchers: RMS errors against a reference track, and the consistency of each filter (NIS, NEES)."""
 
 from pathlib import Path
 
 from shore.logbook.estimate_rounding import logged
+from shore.report.own_doubt import OwnDoubt
 from shore.report.score import Consistency, Score, read_reference
 from shore.watchers.watcher import Step, Watcher
 
@@ -34,3 +35,16 @@ class ConsistencyWatcher(Watcher):
         """Take every estimate of the step."""
         for record in step.records:
             self.consistency.take(record)
+
+
+class DoubtWatcher(Watcher):
+    """Keeps what a filter stated, to be held against the smoothed track."""
+
+    def __init__(self, name: str) -> None:
+        """name: of the filter."""
+        self.doubt = OwnDoubt(name)
+
+    def take(self, step: Step) -> None:
+        """Take every estimate of the step."""
+        for record in step.records:
+            self.doubt.take(record)
