@@ -115,7 +115,8 @@ def verdict(summary: dict[str, dict[str, float | int]]) -> str:
     ]
     if not wrong:
         least = min(figures[part] for figures in summary.values() for part in ("place", "heading"))
-        return f"its own doubt is right: at least {100.0 * least:.0f} % of what it stated lies within 95 % of the smoothed track"
+        share = f"{100.0 * least:.0f} %"
+        return f"its own doubt is right: at least {share} of what it stated lies within 95 % of the smoothed track"
     return (
         f"its own doubt is too small: within 95 % of the smoothed track lies {', '.join(wrong)}"
         " (sigmas of the sensors too small, or a sensor is wrong)"
