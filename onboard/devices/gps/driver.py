@@ -100,9 +100,8 @@ class GpsDriver:
             return ()
         if self._open is None:
             self._waiting.clear()
-            return self._pair_of_zda_alone()
         self._settle(len(self._waiting))
-        return (*self._close(), *self._pair_of_zda_alone())
+        return (*self._close(), *self._left_alone(now_ns), *self._pair_of_zda_alone())
 
     def _decode(self, line: Line) -> Outcome:
         sentence = check_sentence(line.data)
@@ -133,7 +132,7 @@ class GpsDriver:
     def _join_timed(self, name: str, reading: Timed, t_ns: int) -> tuple[Epoch | None, tuple[Measurement, ...]]:
         """The epoch the sentence went into, `None` = it is set aside; and what its coming completed."""
         due: tuple[Measurement, ...] = ()
-        stamp = stamp_of(name, reading)
+        stamp = stamp_of(name, reading, t_ns)
         if stamp is not None:
             self._times.learn(name, stamp.tod_ms)
         # A closed epoch still takes a late sentence: its Fix is out, and a second one would be fused twice.
@@ -144,7 +143,7 @@ class GpsDriver:
                 return None, ()
             if place is Place.DOUBTED:
                 epoch = Epoch(t_ns, t_ns)
-                epoch.add(name, reading)
+                epoch.add(name, reading, t_ns)
                 self._doubted.append(epoch)
                 return None if self._times.is_contradicted(name) else epoch, ()
             before = epoch_of_each(self._waiting, self._last_ns, t_ns, open_before=self._open is not None)
@@ -153,9 +152,9 @@ class GpsDriver:
             first_ns = self._waiting[0].t_ns if self._waiting else t_ns
             epoch = self._open = Epoch(first_ns, t_ns)
         self._settle(len(self._waiting))
-        epoch.add(name, reading)
+        epoch.add(name, reading, t_ns)
         if reading.position is not None:
-            self._times.had_place(stamp, reading.position.text, t_ns)
+            self._times.had_place(stamp, reading.position.text)
         return epoch, due
 
     def _belongs(self, epoch: Epoch, name: str, stamp: Stamp | None, t_ns: int) -> bool:
@@ -168,11 +167,11 @@ class GpsDriver:
 
     def _place(self, epoch: Epoch, name: str, reading: Timed, t_ns: int) -> Place:
         """What to do with a sentence that does not belong to the newest epoch."""
-        stamp = stamp_of(name, reading)
+        stamp = stamp_of(name, reading, t_ns)
         if stamp is None or epoch.stamp is None or t_ns - epoch.t_ns >= RECENT_NS:
             return Place.OPENS
         place = None if reading.position is None else reading.position.text
-        return self._times.place_of(name, stamp, place, epoch.stamp, t_ns)
+        return self._times.place_of(name, stamp, place, epoch.stamp)
 
     def _judge_doubted(self, leader: Stamp | None, t_ns: int) -> tuple[Measurement, ...]:
         """The Fix of the open epoch and those of the doubted ones that a leader confirms; the others are lost."""
@@ -190,6 +189,16 @@ class GpsDriver:
                 due += self._close()
         return due
 
+    def _left_alone(self, now_ns: int) -> tuple[Measurement, ...]:
+        """Fixes of doubted epochs that no leader has followed for 10 s, if the last that was judged was right."""
+        due: tuple[Measurement, ...] = ()
+        while self._doubted and now_ns - self._doubted[0].t_ns >= RECENT_NS:
+            epoch = self._doubted.popleft()
+            if all(map(self._times.is_confirmed, epoch.seen)):
+                self._open = epoch
+                due += self._close()
+        return due
+
     def _is_confirmed(self, epoch: Epoch | None, leader: Stamp | None) -> bool:
         if epoch is None or epoch.stamp is None or leader is None:
             return False
@@ -200,7 +209,7 @@ class GpsDriver:
         settled, self._waiting = self._waiting[:count], self._waiting[count:]
         if self._open is not None:
             for line in settled:
-                self._open.add(line.name, line.reading)
+                self._open.add(line.name, line.reading, line.t_ns)
 
     def _close(self) -> tuple[Measurement, ...]:
         epoch, self._open = self._open, None
@@ -251,7 +260,9 @@ class GpsDriver:
         if self._closed is not None and self._closed.tod_ms is not None and zda.t_ns - self._closed.t_ns < RECENT_NS:
             return ()
         tod_ms = zda.reading.tod_ms
-        return () if tod_ms is None else self._pair(Epoch(zda.t_ns, zda.t_ns, Stamp(tod_ms, 1, 0)), zda.reading)
+        return (
+            () if tod_ms is None else self._pair(Epoch(zda.t_ns, zda.t_ns, Stamp(tod_ms, 1, 0, zda.t_ns)), zda.reading)
+        )
 
     def _zda_near(self, t_ns: int) -> Zda | None:
         """The last ZDA, if it came within 10 s of that time."""

@@ -50,14 +50,14 @@ class Epoch:
     paired: bool = False
     """True once the ClockPair of the epoch is out."""
 
-    def add(self, address: str, reading: EpochReading) -> None:
-        """Take a sentence in; `address` is talker and formatter (`GPGGA`)."""
+    def add(self, address: str, reading: EpochReading, t_ns: int) -> None:
+        """Take a sentence in that came at `t_ns`; `address` is talker and formatter (`GPGGA`)."""
         name = address[2:].lower()
         before = getattr(self, name)
         if before is None or (not _has_solution(before) and _has_solution(reading)):
             setattr(self, name, reading)
         self.seen.add(address)
-        stamp = None if isinstance(reading, Vtg | Gsa) else stamp_of(address, reading)
+        stamp = None if isinstance(reading, Vtg | Gsa) else stamp_of(address, reading, t_ns)
         if stamp is not None and (self.stamp is None or _precedence(stamp) > _precedence(self.stamp)):
             self.stamp = stamp
 
@@ -132,9 +132,9 @@ class Epoch:
         return (day_ms + then_ms + tod_step_ms(then_ms, self.tod_ms)) * NS_PER_MS
 
 
-def stamp_of(address: str, reading: Timed) -> Stamp | None:
-    """The time of a sentence; `None` = the field is empty."""
-    return None if reading.tod_ms is None else Stamp(reading.tod_ms, reading.step_ms, rank_of(address))
+def stamp_of(address: str, reading: Timed, t_ns: int) -> Stamp | None:
+    """The time of a sentence that came at `t_ns`; `None` = the field is empty."""
+    return None if reading.tod_ms is None else Stamp(reading.tod_ms, reading.step_ms, rank_of(address), t_ns)
 
 
 def _precedence(stamp: Stamp) -> tuple[int, int]:
