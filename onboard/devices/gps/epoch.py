@@ -67,6 +67,11 @@ class Epoch:
         return None if self.stamp is None else self.stamp.tod_ms
 
     @property
+    def rules_time(self) -> bool:
+        """Whether a ZDA beside it gives no time: it has one itself, or the receiver says that it is not valid."""
+        return self.stamp is not None or self.status_valid is False
+
+    @property
     def status_valid(self) -> bool | None:
         """RMC status, else GLL status."""
         if self.rmc is not None and self.rmc.status_valid is not None:
