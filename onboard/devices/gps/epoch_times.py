@@ -7,9 +7,8 @@ another, or the time of its transmission; a plotter repeats the receiver's sente
   finer one cut or rounded;
 - GGA, GNS and RMC of a satellite talker lead; the same of other talkers (II) follow them, and GLL follows all. A kind
   leads while no better one has had a position for 10 s. A follower joins the epoch of its time. A GLL of a later time
-  is doubted until a leader of a time still later confirms it, if it did not come long before its time (old receivers
-  send RMC and GLL of alternate seconds);
-  what else has another time is set aside;
+  is doubted until a leader of a time still later confirms it, if it came near its time (old receivers send RMC and GLL
+  of alternate seconds); what else has another time is set aside;
 - a leader with the time and the place of an epoch of the last 10 s is a repetition (a plotter's).
 """
 
@@ -29,8 +28,10 @@ LEADS_NS: Final = 10 * NS_PER_S
 REPEATED_MS: Final = 10_000
 """So far behind the epoch before a time is a repetition, ms; one further behind is a clock that was set."""
 EARLY: Final = 1 / 3
-"""A follower that is right comes no earlier than after this share of the time that its own time has gone on. A third,
-because of lines without times of arrival only their number is known."""
+LATE: Final = 0.45
+"""A follower that is right comes no earlier than after a third of the time that its own time has gone on, and no later
+than this share of the time between two leaders after it. So wide, because of lines without times of arrival only their
+number is known."""
 _LONGEST_STEP_MS: Final = 10_000
 _STEPS: Final = 5
 _LEAST_STEPS: Final = 3
@@ -137,7 +138,7 @@ class EpochTimes:
         if is_right and base is not None and base.t_ns < leader.t_ns:
             came = (follower.t_ns - base.t_ns) / (leader.t_ns - base.t_ns)
             said = tod_step_ms(base.tod_ms, follower.tod_ms) / (tod_step_ms(base.tod_ms, leader.tod_ms) or 1)
-            is_right = came >= EARLY * said
+            is_right = EARLY * said <= came <= said + LATE
         self._confirmed.update(dict.fromkeys(addresses, is_right))
         return is_right
 
