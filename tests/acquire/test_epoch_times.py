@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.framer import Measurement
@@ -148,6 +148,7 @@ def same_fixes(stream: Stream, added: Added) -> None:
     assert after[1] == before[1]
 
 
+@settings(max_examples=60)
 @given(STREAMS, ADDED)
 def test_a_zda_or_gll_with_whatever_time_leaves_a_good_stream_as_it_was(stream: Stream, added: Added) -> None:
     same_fixes(stream, added)
@@ -176,6 +177,7 @@ def only_right_fixes(stream: Stream, added: Added, losses: list[tuple[int, ...]]
         assert 0 <= fix.t_ns // MS - k * 1000 // stream.rate_hz < 40
 
 
+@settings(max_examples=60)
 @given(STREAMS, ADDED, st.lists(st.sampled_from(LOSSES), max_size=8))
 def test_whatever_is_lost_every_fix_has_its_own_time_and_none_comes_twice(
     stream: Stream, added: Added, losses: list[tuple[int, ...]]

@@ -63,12 +63,12 @@ class Assembly:
         # A closed epoch still takes a late sentence: its Fix is out, and a second one would be fused twice.
         epoch = self._open or self.closed
         if epoch is None or not self._belongs(epoch, name, stamp, t_ns):
-            place = Place.OPENS if epoch is None else self._place(epoch, name, reading, t_ns)
+            place = Place.OPENS if epoch is None else self._place(epoch, name, reading, stamp)
             if place is Place.ASIDE:
                 return None, []
             if place is Place.DOUBTED:
                 epoch = Epoch(t_ns, t_ns)
-                epoch.add(name, reading, t_ns)
+                epoch.add(name, reading, stamp)
                 self._doubted.append(epoch)
                 return None if self._times.is_contradicted(name) else epoch, []
             before = epoch_of_each(self._waiting, self.last_ns, t_ns, open_before=self._open is not None)
@@ -77,7 +77,7 @@ class Assembly:
             first_ns = self._waiting[0].t_ns if self._waiting else t_ns
             epoch = self._open = Epoch(first_ns, t_ns)
         self._settle(len(self._waiting))
-        epoch.add(name, reading, t_ns)
+        epoch.add(name, reading, stamp)
         if reading.position is not None:
             self._times.had_place(stamp, reading.position.text)
         return epoch, complete
@@ -90,10 +90,9 @@ class Assembly:
             return stamp.tod_ms == epoch.tod_ms and t_ns - epoch.t_ns < SAME_TIME_NS
         return self._times.are_one(epoch.stamp, stamp)
 
-    def _place(self, epoch: Epoch, name: str, reading: Timed, t_ns: int) -> Place:
+    def _place(self, epoch: Epoch, name: str, reading: Timed, stamp: Stamp | None) -> Place:
         """What to do with a sentence that does not belong to the newest epoch."""
-        stamp = stamp_of(name, reading, t_ns)
-        if stamp is None or epoch.stamp is None or t_ns - epoch.t_ns >= RECENT_NS:
+        if stamp is None or epoch.stamp is None or stamp.t_ns - epoch.t_ns >= RECENT_NS:
             return Place.OPENS
         place = None if reading.position is None else reading.position.text
         return self._times.place_of(name, stamp, place, epoch.stamp)
@@ -132,7 +131,7 @@ class Assembly:
         settled, self._waiting = self._waiting[:count], self._waiting[count:]
         if self._open is not None:
             for line in settled:
-                self._open.add(line.name, line.reading, line.t_ns)
+                self._open.add(line.name, line.reading, None)
 
     def _close(self, epoch: Epoch | None) -> list[Epoch]:
         self._open = None

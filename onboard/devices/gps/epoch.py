@@ -50,14 +50,13 @@ class Epoch:
     paired: bool = False
     """True once the ClockPair of the epoch is out."""
 
-    def add(self, address: str, reading: EpochReading, t_ns: int) -> None:
-        """Take a sentence in that came at `t_ns`; `address` is talker and formatter (`GPGGA`)."""
+    def add(self, address: str, reading: EpochReading, stamp: Stamp | None) -> None:
+        """Take a sentence in; `address` is talker and formatter (`GPGGA`), `stamp` its time if it has one."""
         name = address[2:].lower()
         before = getattr(self, name)
         if before is None or (not _has_solution(before) and _has_solution(reading)):
             setattr(self, name, reading)
         self.seen.add(address)
-        stamp = None if isinstance(reading, Vtg | Gsa) else stamp_of(address, reading, t_ns)
         if stamp is not None and (self.stamp is None or _precedence(stamp) > _precedence(self.stamp)):
             self.stamp = stamp
 

@@ -81,7 +81,11 @@ class EpochTimes:
         step_ms = tod_step_ms(self._last_ms.get(address, tod_ms), tod_ms)
         self._last_ms[address] = tod_ms
         if 0 < step_ms <= _LONGEST_STEP_MS:
-            self._steps.setdefault(address, deque(maxlen=_STEPS)).append(step_ms)
+            steps = self._steps.setdefault(address, deque(maxlen=_STEPS))
+            is_known = len(steps) == _STEPS and steps[0] == step_ms
+            steps.append(step_ms)
+            if is_known:
+                return  # the same steps as before
             learned = [min(steps) for steps in self._steps.values() if len(steps) >= _LEAST_STEPS]
             self.period_ms = min(learned, default=UNLEARNED_MS)
 
@@ -93,8 +97,9 @@ class EpochTimes:
         if a.step_ms == b.step_ms:
             return False
         beyond_ms, step_ms = (apart_ms, a.step_ms) if a.step_ms > b.step_ms else (-apart_ms, b.step_ms)
-        # With its upper end: what was cut may have been .999 beside .00.
-        return -step_ms <= 2 * beyond_ms <= 2 * step_ms
+        # What was cut may have been .999 beside .00; but in steps of a period the next time is the next epoch's.
+        most_ms = step_ms if step_ms < self.period_ms else step_ms - 1
+        return -step_ms <= 2 * beyond_ms <= 2 * most_ms
 
     def had_place(self, stamp: Stamp | None, place: str) -> None:
         """Say that a sentence brought a position, as it was written."""
