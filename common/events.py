@@ -53,6 +53,11 @@ EVENTS: Final[dict[str, EventKind]] = {
         "{sensor} is silent for {age_s} s: {reason}",
         "check cable, baud rate and the device's output",
     ),
+    "place-zero": EventKind(
+        "warning",
+        "{sensor} gives the place 0, 0, which stands for no place: such sentences are refused",
+        "nothing, where the receiver has just been switched on; else check it",
+    ),
     "clock-stepped": EventKind(
         "warning",
         "UTC of {sensor} jumped by {step_s} s against the boat clock",

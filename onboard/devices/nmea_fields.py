@@ -20,6 +20,8 @@ _TIME = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})(?:\.([0-9]+))?")
 UNKNOWN_DILUTION: Final = 99.0
 """Receivers write 99.9 or 99.99 where no dilution is known; 0.0 is no dilution either."""
 DAY_MS: Final = 86_400_000
+ZERO_POSITION: Final = "zero-position"
+"""Reason of a sentence whose place is 0, 0."""
 
 
 class FieldFault(Exception):  # noqa: N818  a signal between parsers, never an error that a person sees
@@ -124,7 +126,7 @@ def position(lat: str, north_south: str, lon: str, east_west: str) -> Position |
         raise FieldFault("fields")
     lat_deg, lon_deg = _degrees(lat, _LATITUDE, 90.0), _degrees(lon, _LONGITUDE, 180.0)
     if lat_deg == 0.0 and lon_deg == 0.0:
-        raise FieldFault("zero-position")
+        raise FieldFault(ZERO_POSITION)
     return Position(
         lat_deg=-lat_deg if north_south == "S" else lat_deg,
         lon_deg=-lon_deg if east_west == "W" else lon_deg,

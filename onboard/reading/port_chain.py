@@ -18,6 +18,7 @@ from common.messages import Event
 from common.units import NS_PER_S
 from onboard.devices import PortDecoder, make_driver, recognised
 from onboard.devices.driver import COMPANIONS, Accepted, Ignored, Outcome, Rejected
+from onboard.devices.nmea_fields import ZERO_POSITION
 from onboard.devices.nmea_sentence import address
 from onboard.reading.byte_budget import ByteBudget
 from onboard.reading.line_quality import DamageWatch, Wire
@@ -87,6 +88,8 @@ class PortChain:
         self._budget = budget
         self._damage = DamageWatch(wire, periodic=any(monitor.periodic for monitor in self.monitors.values()))
         self._flood_ns: int | None = None
+        self._told_zero: set[str] = set()
+        """Sensors of which it is said that they give the place 0, 0."""
         self._state = "new"
 
     def chunk(self, data: bytes, t_ns: int) -> None:
@@ -172,12 +175,20 @@ class PortChain:
                 self.wire.damaged += 1
             else:
                 self.wire.readable += 1
+            self._tell_zero(outcome, t_ns)
             # A line that names no sensor counts for every sensor of the port: each of them may have sent it.
             for monitor in self.monitors.values():
                 if outcome.sensor in (None, monitor.table.id):
                     monitor.reject(outcome.reason)
         elif outcome.kind != "text":  # what a wrong baud rate makes of a line may happen to be printable
             self.wire.readable += 1
+
+    def _tell_zero(self, outcome: Rejected, t_ns: int) -> None:
+        """Once for each sensor: no other sentence may show that its receiver has no place."""
+        sensor = outcome.sensor
+        if outcome.reason == ZERO_POSITION and sensor is not None and sensor not in self._told_zero:
+            self._told_zero.add(sensor)
+            self._sink.happened(event("place-zero", t_ns, sensor, sensor=sensor))
 
     def _cut(self, count: int, t_ns: int) -> None:
         self.splitter.note_cut()

@@ -49,6 +49,9 @@ model's life."""
 DOUBTED_DEG: Final = 2.0
 """A device's variation that is further than this from the model's is not used (nor one nearer than twice the model's
 own doubt doubted, near a magnetic pole), deg: an old place or year, a sign, or somebody else's boat."""
+UNDATED_DEG: Final = 5.0
+"""The same while the date is unknown, deg: a recording may be of fifteen years ago, and the field turns by 0.2 deg a
+year in Europe."""
 MOVED_M: Final = 10_000.0
 """Distance after which the variation is calculated again, m: 0.17 deg at most where the horizontal field exceeds 20,000
 nT (two thirds of the earth, median 0.03), half the doubt the model itself has there."""
@@ -121,7 +124,8 @@ class Variation:
 
     def _is_contradicted(self, sent_deg: float, field: _Field, t_ns: int, sensor: str) -> bool:
         apart_deg = abs(difference_deg(sent_deg, field.variation_deg))
-        if apart_deg <= max(DOUBTED_DEG, 2.0 * field.doubt_deg):
+        limit_deg = DOUBTED_DEG if self._place is not None and self._place.utc_ns is not None else UNDATED_DEG
+        if apart_deg <= max(limit_deg, 2.0 * field.doubt_deg):
             return False
         model_deg = round(field.variation_deg, 2)
         self._once("variation-doubted", t_ns, sensor, sensor=sensor, variation_deg=sent_deg, model_deg=model_deg)

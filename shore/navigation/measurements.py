@@ -267,6 +267,7 @@ class Reader:
 
     def __init__(self, config: BoatConfig, tell: Callable[[Event], None]) -> None:
         self._sensors = {sensor.id: sensor for sensor in config.sensor}
+        self._deviations = _deviations(config)
         self._tell = tell
         self.far_in_a_row = 0
         """Number of usable fixes since the last one within `FARTHEST_M`."""
@@ -323,9 +324,7 @@ class Reader:
             variation_deg = self._variation.east_deg(heading.t_ns, heading.sensor, heading.variation_deg)
             if variation_deg is None:
                 return None
-            deviation_deg = self._sensors[heading.sensor].deviation_deg
-            if deviation_deg is None:
-                deviation_deg = heading.deviation_deg or 0.0
+            deviation_deg = self._deviations.get(heading.sensor, heading.deviation_deg or 0.0)
             true_deg = heading.heading_mag_deg + deviation_deg + variation_deg
         if true_deg is None or not math.isfinite(true_deg):
             return None
@@ -344,6 +343,16 @@ class Reader:
             distance_km = round(distance_m / 1000.0, 1)
             self._tell(event("fix-far", fix.t_ns, fix.sensor, sensor=fix.sensor, distance_km=distance_km))
         return True
+
+
+def _deviations(config: BoatConfig) -> dict[str, float]:
+    """Sensor -> deviation that the board's file states, deg, east +.
+
+    Where the file stated none, the configuration in older logs has 0: at every sensor, receivers too.
+    """
+    is_old = any(sensor.deviation_deg == 0.0 for sensor in config.sensor if sensor.role != "compass")
+    stated = {sensor.id: sensor.deviation_deg for sensor in config.sensor if sensor.deviation_deg is not None}
+    return {sensor: value for sensor, value in stated.items() if value or not is_old}
 
 
 def claimed_m(fix: Fix, sensor: SensorTable) -> tuple[float, float]:

@@ -4,14 +4,14 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.framer import Measurement
 from common.messages import ClockPair, Fix
 from onboard.devices import Accepted, Line, make_driver
 from onboard.devices.gps.driver import ASIDE
-from onboard.devices.nmea_fields import DAY_MS
+from onboard.devices.nmea_fields import DAY_MS, tod_step_ms
 from tests.acquire.sentences import MS, S, fixes, gps, pairs, sealed
 from tests.cases import CASES, needs_cases
 
@@ -148,9 +148,42 @@ def same_fixes(stream: Stream, added: Added) -> None:
     assert after[1] == before[1]
 
 
+@settings(max_examples=60)
 @given(STREAMS, ADDED)
 def test_a_zda_or_gll_with_whatever_time_leaves_a_good_stream_as_it_was(stream: Stream, added: Added) -> None:
     same_fixes(stream, added)
+
+
+LOSSES: Final = ((), (0,), (1,), (2,), (0, 2), (0, 1, 2))
+"""Which lines of a burst are lost; the added one is in the middle."""
+
+
+def only_right_fixes(stream: Stream, added: Added, losses: list[tuple[int, ...]]) -> None:
+    stream = replace(stream, has_vtg=False)  # a VTG that is left alone may stand before any epoch
+    lost: set[int] = set()
+    for k, places in enumerate(losses, 4):  # the first bursts are whole: leader and period have to be learned
+        if len(places) < 2 or not {3 * k - 3, 3 * k - 1} <= lost:
+            lost.update(3 * k + place for place in places)
+    found = heard([line for number, line in enumerate(stream.lines(replace(added, after=1))) if number not in lost])[0]
+    times = [tod_ms for tod_ms, _ in stream.bursts()]
+    numbers = [round((fix.lat_deg - 50 - 20.01 / 60) * 6e6) for fix in found if fix.lat_deg is not None]
+    assert numbers == sorted(set(numbers))
+    for fix, k in zip(found, numbers, strict=True):
+        assert fix.tod_ms is not None
+        is_gll_alone = fix.sog_kn is None and fix.fix_quality is None
+        # Where both leaders are lost a GLL that is a few ms off, or coarse, may stand for them.
+        allowed_ms = 10 ** (3 - added.decimals) + 40 if is_gll_alone else 1
+        assert abs(tod_step_ms(fix.tod_ms, times[k] % DAY_MS)) <= allowed_ms
+        assert 0 <= fix.t_ns // MS - k * 1000 // stream.rate_hz < 40
+
+
+@settings(max_examples=60)
+@given(STREAMS, ADDED, st.lists(st.sampled_from(LOSSES), max_size=8))
+def test_whatever_is_lost_every_fix_has_its_own_time_and_none_comes_twice(
+    stream: Stream, added: Added, losses: list[tuple[int, ...]]
+) -> None:
+    """Both leaders are never lost in two bursts that follow each other: then a GLL a second off looks right."""
+    only_right_fixes(stream, added, losses)
 
 
 @pytest.mark.parametrize("formatter", ["ZDA", "GLL"])

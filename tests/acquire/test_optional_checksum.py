@@ -42,6 +42,9 @@ def test_compass_without_checksum() -> None:
         (compass(model="hsc100"), b"$HCHDG,123.4,,,,"),
         (compass(model="kvh-c100"), b"$HCHDT,123.4,T"),
         (compass(model="tcm2"), b"$HCHDM,123.4,M"),
+        (compass(model="tcm2"), b"$C309.8P4.0R-2.9"),
+        (compass(model="hmr3000"), b"$PTNTHPR,354.9,N,5.2,N,0.2,N"),
+        (SensorTable(id="gyro1", port="p", role="gyro", model="tinkerkit"), b"$PWFXG,1000,A,12345,440"),
     ],
 )
 def test_every_nmea_sensor_has_the_option_and_refuses_without_it(table: SensorTable, data: bytes) -> None:

@@ -9,6 +9,7 @@ from onboard.reading.byte_budget import ByteBudget
 from onboard.reading.line_quality import Wire
 from onboard.reading.port_chain import PortChain
 from onboard.reading.sensor_health import SensorMonitor
+from tests.acquire.sentences import sealed
 
 HEADING = b"$HCHDG,101.1,,,,*43\r\n"
 
@@ -70,3 +71,16 @@ def test_a_flood_begins_with_the_first_byte_over_the_budget_and_ends_when_the_bu
     codes = [(item.code, item.evidence) for item in sink.events if item.code.startswith("port-")][1:]
     assert codes == [("port-flooded", {"port": "p", "budget": 5000}), ("port-calm", {"port": "p", "budget": 5000})]
     assert not chain.wire.flooded
+
+
+def test_a_receiver_that_gives_the_place_zero_is_named_once() -> None:
+    sink = Heard()
+    chain = chain_with(sink, "gps1")
+    chain.changed(None, 0)
+    for t_ns in (5, 6):
+        chain.chunk(sealed("GPRMC,120000,A,0000.0000,N,00000.0000,E,0.0,0.0,010126,,,A") + b"\r\n", t_ns)
+    assert [one for one in sink.events if one.code == "place-zero"] == [
+        event("place-zero", 5, "gps1", sensor="gps1"),
+    ]
+    assert chain.monitors["gps1"].rejected == {"zero-position": 2}
+    assert chain.wire.damaged == 0

@@ -267,6 +267,18 @@ def test_where_the_model_is_unsure_a_device_is_not_doubted() -> None:
     assert told == []
 
 
+@pytest.mark.parametrize(("apart_deg", "doubted"), [(4.0, False), (6.0, True)])
+def test_while_the_date_is_unknown_a_device_is_doubted_from_five_degrees_on(apart_deg: float, doubted: bool) -> None:
+    """A log of 2014 in the Netherlands whose date was not believed: the device said 0.6, the model of 2027 2.9."""
+    told: list[Event] = []
+    variation = Variation(told.append)
+    variation.see(53.2, 5.4, None)
+    model_deg = variation.east_deg(0, "compass1")
+    assert model_deg is not None
+    assert variation.east_deg(0, "compass1", model_deg + apart_deg) == model_deg + (0.0 if doubted else apart_deg)
+    assert [each.code for each in told] == ["variation-doubted"] * doubted
+
+
 @needs_cases
 @pytest.mark.parametrize("name", ["hdg-variation-zero", "hdg-no-variation"])
 def test_a_compass_at_halifax_has_the_models_variation(name: str) -> None:

@@ -50,14 +50,13 @@ class Epoch:
     paired: bool = False
     """True once the ClockPair of the epoch is out."""
 
-    def add(self, address: str, reading: EpochReading) -> None:
-        """Take a sentence in; `address` is talker and formatter (`GPGGA`)."""
+    def add(self, address: str, reading: EpochReading, stamp: Stamp | None) -> None:
+        """Take a sentence in; `address` is talker and formatter (`GPGGA`), `stamp` its time if it has one."""
         name = address[2:].lower()
         before = getattr(self, name)
         if before is None or (not _has_solution(before) and _has_solution(reading)):
             setattr(self, name, reading)
         self.seen.add(address)
-        stamp = None if isinstance(reading, Vtg | Gsa) else stamp_of(address, reading)
         if stamp is not None and (self.stamp is None or _precedence(stamp) > _precedence(self.stamp)):
             self.stamp = stamp
 
@@ -65,6 +64,11 @@ class Epoch:
     def tod_ms(self) -> int | None:
         """UTC time of day, ms."""
         return None if self.stamp is None else self.stamp.tod_ms
+
+    @property
+    def rules_time(self) -> bool:
+        """Whether a ZDA beside it gives no time: it has one itself, or the receiver says that it is not valid."""
+        return self.stamp is not None or self.status_valid is False
 
     @property
     def status_valid(self) -> bool | None:
@@ -132,9 +136,9 @@ class Epoch:
         return (day_ms + then_ms + tod_step_ms(then_ms, self.tod_ms)) * NS_PER_MS
 
 
-def stamp_of(address: str, reading: Timed) -> Stamp | None:
-    """The time of a sentence; `None` = the field is empty."""
-    return None if reading.tod_ms is None else Stamp(reading.tod_ms, reading.step_ms, rank_of(address))
+def stamp_of(address: str, reading: Timed, t_ns: int) -> Stamp | None:
+    """The time of a sentence that came at `t_ns`; `None` = the field is empty."""
+    return None if reading.tod_ms is None else Stamp(reading.tod_ms, reading.step_ms, rank_of(address), t_ns)
 
 
 def _precedence(stamp: Stamp) -> tuple[int, int]:

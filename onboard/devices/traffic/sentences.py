@@ -104,7 +104,7 @@ def _position(text: Text) -> Position | None:
     try:
         return fields.position(text("lat"), text("lat_dir"), text("lon"), text("lon_dir"))
     except FieldFault as fault:
-        if fault.reason != "zero-position":
+        if fault.reason != fields.ZERO_POSITION:
             raise
         return None  # the news of a lost target is good without a place
 
