@@ -17,7 +17,7 @@ from shore.main import main
 from tests.cases import CASES, needs_cases
 from tests.navigate.test_basis import GPS, boat, sailed
 from tests.station.exporting import NS, empty_frame, estimate, export, gpx_of, log_of, mcap_messages, rows_of, sentences
-from tests.station.imports import Importer
+from tests.station.imports import Imported, Importer
 from tests.station.logs import Done, rewritten
 from tests.station.logs import log_of as live_log
 from tests.station.test_export_shapes import geojson_of
@@ -218,12 +218,11 @@ model = "nmea"
 """
 
 
-def case_of(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], sensors: str = "") -> Path:
-    """The log of a case, with one frame a second."""
+def case_of(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], sensors: str = "") -> Imported:
+    """A case as it is imported, with one frame a second."""
     config = tmp_path / "boat.toml"
     config.write_text(BOAT_1_HZ + sensors, encoding="utf-8")
-    Importer(tmp_path, capsys)(CASES / "shore" / name, "--config", str(config), out="case.mcap", filters="fuzzy")
-    return tmp_path / "case.mcap"
+    return Importer(tmp_path, capsys)(CASES / "shore" / name, "--config", str(config), filters="fuzzy")
 
 
 def told(log: Path, topic: str) -> list[bytes]:
@@ -233,7 +232,7 @@ def told(log: Path, topic: str) -> list[bytes]:
 @needs_cases
 def test_gps_outage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The receiver says V from 150 s to 270 s: estimated in the sentences, and two events."""
-    log = case_of("gps-outage.nmea", tmp_path, capsys, A_COMPASS)
+    log = case_of("gps-outage.nmea", tmp_path, capsys, A_COMPASS).out
     assert export(log, "--to", "nmea", tmp_path / "a.nmea") == 0
     qualities: dict[int, set[Any]] = {}
     for each in sentences(tmp_path / "a.nmea"):
@@ -253,7 +252,10 @@ def test_gps_outage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 @needs_cases
 def test_slow_no_compass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """300 s at 1.2 kn with RMC alone: a position track, and the heading is not known."""
-    log = case_of("slow-no-compass.nmea", tmp_path, capsys)
+    made = case_of("slow-no-compass.nmea", tmp_path, capsys)
+    log, valid = made.out, made.summary["aligned_parts"]
+    assert (made.code, valid["heading"]) == (0, 0)
+    assert valid["position"] > 280
     (summary,) = (each for each in map(json.loads, told(log, "/session")) if each["kind"] == "summary")
     assert summary["north_deg"] - summary["south_deg"] < 1e-4
     assert summary["east_deg"] - summary["west_deg"] == pytest.approx(0.00217, abs=0.0001)
