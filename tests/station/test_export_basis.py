@@ -141,15 +141,18 @@ def slow_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return live_log(tmp_path_factory.mktemp("slow"), frames, {0: SLOW})
 
 
-def written_before(log: Path, path: Path) -> Path:
-    """The same log in the form that did not say what estimates rest on, with a heading whatever its doubt."""
+def written_before(log: Path, path: Path, comma: str = ",") -> Path:
+    """The same log in the form that did not say what estimates rest on, with a heading whatever its doubt.
+
+    comma: behind each field; another one than ours is that of another program.
+    """
     made = [logged(as_before(record)) for record in Done(log).estimates]
     assert None not in [record["heading_true_deg"] for record in made]
 
     def change(record: LogRecord, number: int) -> bytes:
         if not record.topic.startswith("/estimates"):
             return record.data
-        return json.dumps(made[number], separators=(",", ":")).encode()
+        return json.dumps(made[number], separators=(comma, ":")).encode()
 
     return rewritten(log, path, change)
 
@@ -159,7 +162,7 @@ def test_a_log_of_before_is_the_same_in_a_replay_and_shows_no_heading_of_too_muc
 ) -> None:
     assert all(record["heading_true_deg"] is None for record in read_log(slow_log).estimates())
     before = written_before(slow_log, tmp_path / "before.mcap")
-    for log in (slow_log, before):
+    for log in (slow_log, before, written_before(slow_log, tmp_path / "foreign.mcap", ", ")):
         done = Done(log)
         assert done.counts().equal == done.counts().recorded == done.counts().made == 20
     recorded = list(read_log(before).estimates())
