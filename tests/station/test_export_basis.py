@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,17 @@ def test_a_raw_fix_keeps_its_quality(tmp_path: Path) -> None:
     assert [each.data[11:] for each in said if each.sentence_type == "RMC"] == [
         ["A", "C"], ["D", "C"], ["R", "C"], ["A", "C"],
     ]  # fmt: skip
+
+
+def test_a_fix_of_no_use_is_drawn_by_nobody(tmp_path: Path) -> None:
+    fix = Fix(sensor="g", t_ns=NS, lat_deg=1.0, lon_deg=2.0, fix_quality=1)
+    changes: tuple[dict[str, Any], ...] = ({}, {"held": True}, {"fix_quality": 0}, {"status_valid": False})
+    frames = [
+        empty_frame(t_s, fixes=(replace(fix, t_ns=t_s * NS, **each),)) for t_s, each in enumerate(changes, start=1)
+    ]
+    log = log_of(tmp_path / "log.mcap", frames)
+    assert export(log, "--to", "mcap", tmp_path / "a.mcap") == 0
+    assert len(told(log, "/fixes/g")) == len(mcap_messages(tmp_path / "a.mcap", "/fixes/g")) == 1
 
 
 def test_maps_have_a_piece_for_each_stretch_and_no_place_of_too_much_doubt(log: Path, tmp_path: Path) -> None:
