@@ -155,7 +155,7 @@ def _tell_log(out: Path, written: Written, filters: Sequence[str]) -> None:
     held = ", ".join(f"{name} {count}" for name, count in sorted(written.measurements.items()))
     tell(f"{out}: {written.frames} frames, {written.seconds:.1f} s from {_began(written) or 'an unknown date'}: {held}")
     if filters:
-        valid = f"position valid in {written.aligned['position']}, heading in {written.aligned['heading']}"
+        valid = f"position valid in {written.aligned_parts['position']}, heading in {written.aligned_parts['heading']}"
         tell(f"estimates of {', '.join(filters)}: {written.estimates.total()}; {valid}")
 
 
@@ -174,7 +174,7 @@ def _made(written: Written, out: Path | None) -> dict[str, Any]:
         "measurements": dict(sorted(written.measurements.items())),
         "usable_fixes": written.usable_fixes,
         "estimates": dict(written.estimates),
-        "aligned": written.aligned["whole"],
-        "aligned_parts": {part: written.aligned[part] for part in ("position", "heading")},
+        "aligned": written.aligned,
+        "aligned_parts": {part: written.aligned_parts[part] for part in ("position", "heading")},
         "events": dict(sorted(written.events.items())),
     }

@@ -36,10 +36,12 @@ class Written:
     usable_fixes: int = 0
     estimates: Counter[str] = field(default_factory=Counter)
     """Number of estimates of each filter."""
-    aligned: Counter[str] = field(default_factory=Counter)
-    """Number of estimates of the first filter whose `position`, `heading`, or both (`whole`) are valid."""
+    aligned: int = 0
+    """Number of valid estimates of the first filter."""
     events: Counter[str] = field(default_factory=Counter)
     """Number of events of each level."""
+    aligned_parts: Counter[str] = field(default_factory=Counter)
+    """Number of estimates of the first filter whose `position`, and whose `heading`, is valid."""
 
 
 class ImportCounts(Watcher):
@@ -64,8 +66,8 @@ class ImportCounts(Watcher):
         written.usable_fixes += sum(fix.usable for fix in frame.fixes)
         for estimate in step.output.estimates:
             written.estimates[estimate.filter] += 1
-            if estimate.filter == self._shown_filter:
-                written.aligned.update([*estimate.aligned_parts, *(["whole"] if estimate.aligned else [])])
+            written.aligned += estimate.filter == self._shown_filter and not estimate.waiting
+            written.aligned_parts.update(estimate.aligned_parts if estimate.filter == self._shown_filter else ())
         for event in step.events:
             written.events[event.level] += 1
 

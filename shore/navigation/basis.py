@@ -40,12 +40,12 @@ class Bases:
         self.lost_after_ns: Final = stale_after_ns(config, "gps")
         """A silence of the receivers from which on no fix carries the estimate, ns."""
         self._void_ns: dict[str, int] = {}
-        """Boat time of the newest fix of each receiver that is of no use, ns."""
+        """Boat time of the newest fix of each receiver that is none, ns."""
 
     def see(self, frame: Frame) -> None:
-        """Note the fixes of which their receiver, or the board, says that they are of no use."""
+        """Note the fixes of which their receiver says that they are none; one that it repeats is as good as silence."""
         for fix in frame.fixes:
-            if not fix.usable:
+            if not (fix.usable or fix.held):
                 self._void_ns[fix.sensor] = max(fix.t_ns, self._void_ns.get(fix.sensor, fix.t_ns))
 
     def of(self, moment: Moment, state: FilterState) -> Basis:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -86,6 +87,14 @@ def test_a_silent_receiver_is_waited_for_five_periods() -> None:
     assert codes(events, "fix-") == ["fix-lost", "fix-regained"]
 
 
+def test_a_position_that_the_receiver_repeats_is_as_good_as_silence() -> None:
+    held = partial(replace, fixes=(replace(sailed(29).fixes[0], t_ns=31 * NS_PER_S, held=True),))
+    estimates, _ = play(boat(GPS, COMPASS), outage(held, 30, 31))
+    assert {each.position_from for each in estimates.values()} == {"fix"}
+    estimates, _ = play(boat(GPS, COMPASS), outage(held))
+    assert [second for second, each in estimates.items() if each.position_from == "coasting"] == list(range(34, 60))
+
+
 def test_a_fix_that_comes_and_goes_is_no_event() -> None:
     frames = [void(sailed(second)) if second % 2 else sailed(second) for second in range(2, 60)]
     estimates, events = play(boat(GPS, COMPASS), frames)
@@ -99,7 +108,8 @@ def test_the_other_receiver_carries_on() -> None:
     for second in range(1, 60):
         first, other = sailed(second), sailed(second, sensor="gps2")
         first = void(first) if second > 30 else first
-        frames.append(replace(first, fixes=(*other.fixes, *first.fixes)))
+        later = tuple(replace(fix, t_ns=fix.t_ns + NS_PER_S // 5) for fix in first.fixes)
+        frames.append(replace(first, fixes=(*other.fixes, *later)))
     estimates, events = play(boat(GPS, replace(GPS, id="gps2"), COMPASS), frames)
     assert {each.position_from for each in estimates.values()} == {"fix"}
     assert codes(events, "fix-") == []

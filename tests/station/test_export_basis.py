@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from shore.main import main
 from tests.cases import CASES, needs_cases
 from tests.navigate.test_basis import GPS, boat, sailed
 from tests.station.exporting import NS, empty_frame, estimate, export, gpx_of, log_of, mcap_messages, rows_of, sentences
-from tests.station.imports import Importer
+from tests.station.imports import Imported, Importer
 from tests.station.logs import Done, rewritten
 from tests.station.logs import log_of as live_log
 from tests.station.test_export_shapes import geojson_of
@@ -76,6 +77,17 @@ def test_a_raw_fix_keeps_its_quality(tmp_path: Path) -> None:
     assert [each.data[11:] for each in said if each.sentence_type == "RMC"] == [
         ["A", "C"], ["D", "C"], ["R", "C"], ["A", "C"],
     ]  # fmt: skip
+
+
+def test_a_fix_of_no_use_is_drawn_by_nobody(tmp_path: Path) -> None:
+    fix = Fix(sensor="g", t_ns=NS, lat_deg=1.0, lon_deg=2.0, fix_quality=1)
+    changes: tuple[dict[str, Any], ...] = ({}, {"held": True}, {"fix_quality": 0}, {"status_valid": False})
+    frames = [
+        empty_frame(t_s, fixes=(replace(fix, t_ns=t_s * NS, **each),)) for t_s, each in enumerate(changes, start=1)
+    ]
+    log = log_of(tmp_path / "log.mcap", frames)
+    assert export(log, "--to", "mcap", tmp_path / "a.mcap") == 0
+    assert len(told(log, "/fixes/g")) == len(mcap_messages(tmp_path / "a.mcap", "/fixes/g")) == 1
 
 
 def test_maps_have_a_piece_for_each_stretch_and_no_place_of_too_much_doubt(log: Path, tmp_path: Path) -> None:
@@ -141,15 +153,18 @@ def slow_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return live_log(tmp_path_factory.mktemp("slow"), frames, {0: SLOW})
 
 
-def written_before(log: Path, path: Path) -> Path:
-    """The same log in the form that did not say what estimates rest on, with a heading whatever its doubt."""
+def written_before(log: Path, path: Path, comma: str = ",") -> Path:
+    """The same log in the form that did not say what estimates rest on, with a heading whatever its doubt.
+
+    comma: behind each field; another one than ours is that of another program.
+    """
     made = [logged(as_before(record)) for record in Done(log).estimates]
     assert None not in [record["heading_true_deg"] for record in made]
 
     def change(record: LogRecord, number: int) -> bytes:
         if not record.topic.startswith("/estimates"):
             return record.data
-        return json.dumps(made[number], separators=(",", ":")).encode()
+        return json.dumps(made[number], separators=(comma, ":")).encode()
 
     return rewritten(log, path, change)
 
@@ -159,7 +174,7 @@ def test_a_log_of_before_is_the_same_in_a_replay_and_shows_no_heading_of_too_muc
 ) -> None:
     assert all(record["heading_true_deg"] is None for record in read_log(slow_log).estimates())
     before = written_before(slow_log, tmp_path / "before.mcap")
-    for log in (slow_log, before):
+    for log in (slow_log, before, written_before(slow_log, tmp_path / "foreign.mcap", ", ")):
         done = Done(log)
         assert done.counts().equal == done.counts().recorded == done.counts().made == 20
     recorded = list(read_log(before).estimates())
@@ -218,12 +233,11 @@ model = "nmea"
 """
 
 
-def case_of(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], sensors: str = "") -> Path:
-    """The log of a case, with one frame a second."""
+def case_of(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], sensors: str = "") -> Imported:
+    """A case as it is imported, with one frame a second."""
     config = tmp_path / "boat.toml"
     config.write_text(BOAT_1_HZ + sensors, encoding="utf-8")
-    Importer(tmp_path, capsys)(CASES / "shore" / name, "--config", str(config), out="case.mcap", filters="fuzzy")
-    return tmp_path / "case.mcap"
+    return Importer(tmp_path, capsys)(CASES / "shore" / name, "--config", str(config), filters="fuzzy")
 
 
 def told(log: Path, topic: str) -> list[bytes]:
@@ -233,7 +247,7 @@ def told(log: Path, topic: str) -> list[bytes]:
 @needs_cases
 def test_gps_outage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The receiver says V from 150 s to 270 s: estimated in the sentences, and two events."""
-    log = case_of("gps-outage.nmea", tmp_path, capsys, A_COMPASS)
+    log = case_of("gps-outage.nmea", tmp_path, capsys, A_COMPASS).out
     assert export(log, "--to", "nmea", tmp_path / "a.nmea") == 0
     qualities: dict[int, set[Any]] = {}
     for each in sentences(tmp_path / "a.nmea"):
@@ -253,7 +267,10 @@ def test_gps_outage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 @needs_cases
 def test_slow_no_compass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """300 s at 1.2 kn with RMC alone: a position track, and the heading is not known."""
-    log = case_of("slow-no-compass.nmea", tmp_path, capsys)
+    made = case_of("slow-no-compass.nmea", tmp_path, capsys)
+    log, valid = made.out, made.summary["aligned_parts"]
+    assert (made.code, valid["heading"]) == (0, 0)
+    assert valid["position"] > 280
     (summary,) = (each for each in map(json.loads, told(log, "/session")) if each["kind"] == "summary")
     assert summary["north_deg"] - summary["south_deg"] < 1e-4
     assert summary["east_deg"] - summary["west_deg"] == pytest.approx(0.00217, abs=0.0001)
