@@ -25,8 +25,10 @@ from common.messages import Frame
 from common.settings import as_dict
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.config import byte_budget, load
+from onboard.devices.nmea_sentence import address
 from onboard.reading.acquisition import Acquisition
 from onboard.reading.port_chain import Tally
+from onboard.recorded.notes import length_note, time_notes
 from onboard.recorded.recording import BAUDS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 
@@ -37,6 +39,8 @@ AFTER_NS: Final = 2 * NS_PER_S
 """Time for which the frames go on after the last line, ns: its epoch is closed, and health counts it."""
 PROGRESS_LINES: Final = 200_000
 PORT: Final = "recorded"
+OTHER_CLOCK: Final = "another clock"
+"""Why a sentence of another clock of the recording is left out: its fix would have a wrong UTC, or come twice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +85,15 @@ class Conversion:
         # A port that was just opened waits for the end of a line; a recording begins with a line.
         self._chain.chunk(b"\n", start_ns)
         self._heard_ns = start_ns
+        self._unused = unused_lines(paced, config)
 
     def greeting(self) -> dict[str, Any]:
         """The fields of `connected`, and what the file was made of."""
         made = {
             "format": FILE_FORMAT,
             "sha256": self._paced.recording.digest,
-            "clock": "utc-time-of-day" if self._paced.timed else "from-zero",
-            "skipped": self._paced.recording.skipped,
+            "clock": "from-zero" if self._paced.schedule.first_tod_ms is None else "utc-time-of-day",
+            "skipped": self.skipped,
         }
         return {**self._acquisition.greeting(self._t0_ns, 1.0), "file": made}
 
@@ -99,6 +104,8 @@ class Conversion:
         for number, (start_ns, end_ns, data) in enumerate(lines):
             if number and number % PROGRESS_LINES == 0:
                 sys.stderr.write(f"{number} of {total} lines ({100 * number // total} %)\n")
+            if number in self._unused:
+                continue
             # Two chunks, as from a port: at a low baud rate a line in progress is what tells a pause from an end.
             yield from self._ticks_to(start_ns)
             self._chain.chunk(data[:1], start_ns)
@@ -107,6 +114,12 @@ class Conversion:
             self._heard_ns = end_ns
         self._chain.chunk(b"\n", self._heard_ns)
         yield from self._ticks_to(self._heard_ns + AFTER_NS)
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """Number of lines that the decoders do not see, by reason."""
+        others = {OTHER_CLOCK: len(self._unused)} if self._unused else {}
+        return {**self._paced.recording.skipped, **others}
 
     def summary(self) -> Summary:
         """After the last frame: what became of the lines."""
@@ -125,6 +138,16 @@ class Conversion:
             self._chain.flush(self._tick_ns)
             yield self._acquisition.frame(self._tick_ns)
             self._tick_ns += self._period_ns
+
+
+def unused_lines(paced: Paced, config: BoatConfig) -> frozenset[int]:
+    """Indices of the lines of other clocks, but for talkers that the configuration gives a receiver of their own."""
+    own = {talker for sensor in config.with_role("gps") for talker in sensor.talkers}
+    unused = paced.schedule.unused
+    if not own:
+        return unused
+    bare = paced.recording.bare
+    return frozenset(line for line in unused if (address(bare[line]) or ("", ""))[0] not in own)
 
 
 def identity_of(paced: Paced, config: BoatConfig) -> Identity:
@@ -188,15 +211,20 @@ def convert(
     except OSError as error:
         raise WayfixError(f"cannot be written ({error.strerror})", str(target), "check space and rights") from error
     summary = conversion.summary()
-    gaps = [{"line": recording.numbers[gap.line], "seconds": round(gap.seconds, 3)} for gap in paced.schedule.gaps]
+    numbers = paced.recording.numbers
+    gaps = [{"line": numbers[gap.line], "seconds": round(gap.seconds, 3)} for gap in paced.schedule.gaps]
     return {
         "out": str(target),
         "frames": count,
         "seconds": (summary.t1_ns - summary.t0_ns) / NS_PER_S,
-        "pace": "sentences" if paced.timed else "baud" if lines_per_second is None else "lines-per-second",
+        "pace": _pace_of(paced, lines_per_second),
         "gaps": gaps,
+        "utc_ms": paced.schedule.first_utc_ms,
+        "utc_less_boat_ms": _utc_less_boat_ms(paced),
+        "clocks": [as_dict(clock) for clock in paced.schedule.clocks],
+        "notes": [*time_notes(paced), *filter(None, [length_note(paced)])],
         "file_lines": recording.total,
-        "skipped": recording.skipped,
+        "skipped": conversion.skipped,
         "lines": summary.lines,
         "accepted": summary.accepted,
         "rejected": dict(sorted(summary.tally.rejected.items())),
@@ -205,6 +233,17 @@ def convert(
         "sensors": [sensor["id"] for sensor in greeting["sensors"]],
         "boot_id": greeting["boot_id"],
     }
+
+
+def _utc_less_boat_ms(paced: Paced) -> int | None:
+    schedule = paced.schedule
+    return None if schedule.first_utc_ms is None else schedule.first_utc_ms - (schedule.first_tod_ms or 0)
+
+
+def _pace_of(paced: Paced, lines_per_second: float | None) -> str:
+    if paced.timed:
+        return "stamps" if paced.schedule.stamped else "sentences"
+    return "baud" if lines_per_second is None else "lines-per-second"
 
 
 def _check_target(source: Path, target: Path) -> None:
@@ -234,6 +273,7 @@ def words(summary: dict[str, Any]) -> Sequence[str]:
         text.append(f"  {name:18} {sum(counts.values()):>8}   {details}")
     text.append(f"  {'all':18} {lines:>8}")
     text += [f"gap of {gap['seconds']:.0f} s before line {gap['line']}" for gap in summary["gaps"]]
+    text += summary["notes"]
     if summary["pace"] == "baud":
         text.append("no times inside: lines follow each other at the baud rate; --lines-per-second X sets another pace")
     text.append(f"{summary['out']}: {summary['frames']} frames, {summary['seconds']:.1f} s")

@@ -111,10 +111,13 @@ def _from_serial(job: Job, stack: ExitStack, source: Path, log: serial_port.Serv
     job.accounts = (account,)
     job.facts["pace"] = summary["pace"]
     job.facts["gaps"] = summary["gaps"]
+    job.facts["clocks"] = summary["clocks"]
+    job.notes += summary["notes"]
     if summary["pace"] == "baud":
         job.notes.append("no times inside: lines follow each other at the baud rate; --lines-per-second X sets another")
     file = stack.enter_context(FramesFile(frames))
-    return FramedRecording(job, file, None if log is None else log.first_ns, summary["frames"])
+    hint_ns = None if log is None else log.first_ns
+    return FramedRecording(job, file, hint_ns, summary["frames"], summary["utc_less_boat_ms"])
 
 
 def _directory(stack: ExitStack) -> Path:

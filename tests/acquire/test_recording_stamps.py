@@ -1,0 +1,103 @@
+"""Time stamps beside the sentences of a log: tag blocks, prefixes and suffixes say when a line came."""
+
+from pathlib import Path
+
+import pytest
+
+from common.units import NS_PER_S
+from onboard.recorded.convert import convert
+from onboard.recorded.line_times import Schedule, recorded_times
+from onboard.recorded.recording import _unwrapped, pace, read_recording
+from tests.acquire.test_convert import write
+from tests.acquire.test_recording_clocks import START, later, said, utc_of
+from tests.acquire.test_sentence_time import HDG
+from tests.cases import CASES, needs_cases
+
+
+@needs_cases
+@pytest.mark.parametrize("name", ["tag-block-times", "time-before-compass", "time-behind-sentence"])
+def test_time_stamps_beside_the_sentences_are_their_times(name: str, tmp_path: Path) -> None:
+    paced = pace(read_recording(CASES / "board" / f"{name}.nmea"))
+    assert paced.schedule.at_ns == [k * 10 * NS_PER_S for k in range(6)]
+    assert utc_of(paced.schedule) == "2026-11-30T12:00:00.000"
+    summary = convert(CASES / "board" / f"{name}.nmea", tmp_path / "out")
+    assert (summary["pace"], summary["rejected"], summary["notes"]) == ("stamps", {}, [])
+    assert sum(summary["accepted"][summary["sensors"][0]].values()) == 6
+
+
+def stamped(*lines: bytes) -> Schedule:
+    """The schedule of a log in which something stands beside each sentence."""
+    found = [_unwrapped(line) for line in lines]
+    assert None not in found
+    return recorded_times([data.rstrip() for data, _ in found], [stamp for _, stamp in found])  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("form", "first"),
+    [
+        ("\\\\s:r,c:{s}*00\\\\{line}", "2026-05-12T10:08:00.000"),
+        ("\\\\g:1-2-3,c:{ms}*00\\\\{line}", "2026-05-12T10:08:00.000"),
+        ("{ms} {line}", "2026-05-12T10:08:00.000"),
+        ("[{ms}000] {line}", "2026-05-12T10:08:00.000"),
+        ("{s}.000: {line}", "2026-05-12T10:08:00.000"),
+        ("{iso}Z {line}", "2026-05-12T10:08:00.000"),
+        ("{iso}+02:00;{line}", "2026-05-12T08:08:00.000"),
+        ('{ms},NMEA0183,HDG,"{line}"', "2026-05-12T10:08:00.000"),
+        ("{line},{s}", "2026-05-12T10:08:00.000"),
+        ("{line} {iso}", "2026-05-12T10:08:00.000"),
+        ("\\\\c:1{k}*00\\\\{line}", None),
+    ],
+)
+def test_time_stamps_of_any_form(form: str, first: str | None) -> None:
+    lines = []
+    for k in range(10):
+        utc = later(seconds=k)
+        s = round(utc.timestamp())
+        text = form.format(s=s, ms=s * 1000, iso=utc.isoformat()[:19], line=HDG.decode(), k=k)
+        lines.append(text.replace("\\\\", "\\").encode())
+    found = stamped(*lines)
+    assert found.at_ns == [k * NS_PER_S for k in range(10)]
+    assert (found.stamped, utc_of(found)) == (True, first)
+
+
+def test_stamps_that_are_times_of_day_run_over_midnight() -> None:
+    times = [
+        f"{hour:02}:{minute:02}:{second:02}.250" for hour, minute, second in ((23, 59, 58), (23, 59, 59), (0, 0, 1))
+    ]
+    found = stamped(*(f"{time} {HDG.decode()}".encode() for time in times))
+    assert found.at_ns == [0, NS_PER_S, 3 * NS_PER_S]
+    assert (found.first_tod_ms, found.first_utc_ms) == (86_398_250, None)
+
+
+def test_stamps_say_when_and_sentences_say_which_utc() -> None:
+    def arrival(k: int) -> bytes:  # of a computer in local time
+        at = later(hours=2, seconds=k, milliseconds=300 + 10 * (k % 3))
+        return at.isoformat(sep=" ", timespec="milliseconds")[:23].encode()
+
+    found = stamped(*(arrival(k) + b" " + said("GP", "RMC", later(seconds=k)) for k in range(20)))
+    assert found.at_ns[:4] == [0, 1_010_000_000, 2_020_000_000, 3 * NS_PER_S]
+    assert found.first_utc_ms == pytest.approx(START.timestamp() * 1000, abs=11)
+    assert found.stamp_ahead_s == pytest.approx(7200.3, abs=0.02)
+
+
+def test_stamped_lines_in_disorder_are_put_in_order() -> None:
+    found = stamped(*(f"{1_778_580_480 + second} ".encode() + HDG for second in (0, 4, 1, 5, 30, 20)))
+    assert found.order == (0, 2, 1, 3, 5, 4)
+    assert found.at_ns == [second * NS_PER_S for second in (0, 1, 4, 5, 20, 30)]
+
+
+def test_a_computer_whose_clock_was_set_has_no_gap_of_years() -> None:
+    times = (100_000_000, 100_000_001, 1_778_580_480, 1_778_580_481)
+    assert stamped(*(f"{second} ".encode() + HDG for second in times)).at_ns[-1] <= 3 * NS_PER_S
+
+
+def test_lines_of_one_second_are_spread_over_it_and_bursts_stay_together() -> None:
+    lines = [HDG, said("GP", "RMC", START), said("GP", "GGA", START), HDG]
+    found = stamped(*(f"{1_778_580_480 + k} ".encode() + line for k in range(3) for line in lines))
+    assert [t_ns / NS_PER_S for t_ns in found.at_ns[:5]] == [0.0, 0.25, 0.25, 0.75, 1.0]
+
+
+def test_a_bare_sentence_among_stamped_ones_is_kept(tmp_path: Path) -> None:
+    lines = [f"{1_778_580_480 + k} ".encode() * (k % 3 > 0) + HDG for k in range(9)]
+    read = read_recording(write(tmp_path, *lines))
+    assert (len(read.lines), read.skipped) == (9, {})
