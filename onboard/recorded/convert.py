@@ -28,7 +28,7 @@ from onboard.config import byte_budget, load
 from onboard.devices.nmea_sentence import address
 from onboard.reading.acquisition import Acquisition
 from onboard.reading.port_chain import Tally
-from onboard.recorded.notes import length_note, time_notes
+from onboard.recorded.notes import date_note, length_note, time_notes
 from onboard.recorded.recording import BAUDS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 
@@ -73,13 +73,15 @@ class Conversion:
     def __init__(self, paced: Paced, config: BoatConfig) -> None:
         """Config: one port, and the sensors on it."""
         self._paced = paced
+        self.config = config
         self._period_ns = round(NS_PER_S / config.frames.rate_hz)
         start_ns = (paced.schedule.first_tod_ms or 0) * NS_PER_MS
         self._starts_ns = [whole_us(start_ns + t_ns) for t_ns in paced.starts_ns]
         self._ends_ns = [whole_us(start_ns + t_ns) for t_ns in paced.ends_ns]
         self._tick_ns = (start_ns // self._period_ns + 1) * self._period_ns
         self._t0_ns = self._tick_ns - self._period_ns
-        self._acquisition = Acquisition(config, identity_of(paced, config), self._t0_ns, start_ns, lambda _: None)
+        identity = identity_of(paced, config)
+        self._acquisition = Acquisition(config, identity, self._t0_ns, start_ns, lambda _: None, is_archive=True)
         (self._chain,) = self._acquisition.chains
         self._chain.changed(None, start_ns)
         # A port that was just opened waits for the end of a line; a recording begins with a line.
@@ -212,6 +214,8 @@ def convert(
         raise WayfixError(f"cannot be written ({error.strerror})", str(target), "check space and rights") from error
     summary = conversion.summary()
     numbers = paced.recording.numbers
+    is_repaired = any(sensor.week_rollover for sensor in conversion.config.sensor)
+    date_said = None if is_repaired else date_note(paced)
     gaps = [{"line": numbers[gap.line], "seconds": round(gap.seconds, 3)} for gap in paced.schedule.gaps]
     return {
         "out": str(target),
@@ -222,7 +226,7 @@ def convert(
         "utc_ms": paced.schedule.first_utc_ms,
         "utc_less_boat_ms": _utc_less_boat_ms(paced),
         "clocks": [as_dict(clock) for clock in paced.schedule.clocks],
-        "notes": [*time_notes(paced), *filter(None, [length_note(paced)])],
+        "notes": [*time_notes(paced), *filter(None, [length_note(paced), date_said])],
         "file_lines": recording.total,
         "skipped": conversion.skipped,
         "lines": summary.lines,

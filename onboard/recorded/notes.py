@@ -1,9 +1,11 @@
 """Diagnostics of a recording's time base: its clocks, order, jumps and gaps, a sentence each."""
 
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from typing import Final
 
-from common.units import NS_PER_S
+from common.units import NS_PER_MS, NS_PER_S
+from onboard.devices.gps.dates import EARLIEST_ARCHIVE_NS
 from onboard.recorded.recording import Paced
 
 TOLD_STAMP_S: Final = 5.0
@@ -39,3 +41,15 @@ def length_note(paced: Paced) -> str | None:
     longest = max(schedule.gaps, key=lambda gap: gap.seconds)
     gap = f"{longest.seconds:.0f} s before line {paced.recording.numbers[longest.line]}"
     return f"of {long_s:.0f} s its lines fill {long_s - silent_s:.0f} s: the longest gap is {gap}"
+
+
+def date_note(paced: Paced) -> str | None:
+    """What a person should know of a date that only a receiver gives that lost its weeks."""
+    utc_ms = paced.schedule.first_utc_ms
+    if utc_ms is None or utc_ms * NS_PER_MS >= EARLIEST_ARCHIVE_NS:
+        return None
+    day = datetime.fromtimestamp(utc_ms / 1_000, UTC).date()
+    return (
+        f"the date, {day}, is before GPS was complete: if the receiver lost 1024 weeks or twice as many, set "
+        "week_rollover = true at its [[sensor]] in a boat's file and give that with --config"
+    )
