@@ -43,7 +43,7 @@ _SENTENCE: Final = rb"([$!][^\"\\\r\n$!]*\*[0-9A-Fa-f]{2})"
 _BLOCK: Final = re.compile(rb"\\([^\\\r\n]*)\\" + _SENTENCE + rb"\s*")
 _WRAPPED: Final = (
     re.compile(rb'([^\r\n]*)"' + _SENTENCE + rb'".*', re.DOTALL),
-    re.compile(rb"([\[(]?[0-9][0-9TZUC :.,;/+-]*[\])]?)[ \t,;:>|]" + _SENTENCE + rb"\s*"),
+    re.compile(rb"([\[(]?(?:[A-Z][a-z]{2} +)*[0-9][0-9TZUC :.,;/+-]*[\])]?)[ \t,;:>|]" + _SENTENCE + rb"\s*"),
 )
 """Before and around a sentence: a row of a table, a time stamp."""
 _BEHIND: Final = re.compile(_SENTENCE + rb"[ \t,;:|]+([\[(]?[0-9][0-9TZUC :.,/+-]*[\])]?)\s*")

@@ -13,25 +13,32 @@ from typing import Final, NamedTuple
 
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices.nmea_fields import DAY_MS
+from onboard.devices.nmea_sentence import checksum
 from onboard.recorded.clocks import tod_step_ms
 
 EARLIEST_NS: Final = 315_964_800 * NS_PER_S
 """1980-01-06, ns since 1970: what is before it counts from anywhere."""
 LATEST_NS: Final = 3_471_292_800 * NS_PER_S
 """2080-01-01, ns since 1970: what is behind it counts from anywhere."""
-LEAST_SHARE: Final = 0.8
-"""Share of lines with a stamp from which on the stamps are the times of the recording."""
+LEAST_SHARE: Final = 0.5
+"""Share of lines with a stamp from which on the stamps are the times of the recording: of a message in several lines
+often the first alone has one."""
 LATE_NS: Final = NS_PER_S
 """Most that a stamp may lie before the one before, ns: several threads write one log."""
+DAMAGED: Final = 20
+"""Stamps outside the time between their neighbours are damaged when no more than one in so many is."""
+DAMAGED_NS: Final = 10 * NS_PER_S
+"""Time by which such a stamp is outside, ns."""
 LONGEST_NS: Final = 366 * 86_400 * NS_PER_S
 """A step ahead by more, ns, is a clock that was set."""
 
 _ISO = re.compile(
     r"(\d{4})[-/](\d\d)[-/](\d\d)[T ](\d\d):(\d\d):(\d\d)(?:[.,](\d{1,9}))?\s*(Z|UTC|[+-]\d\d:?\d\d)?(?![\d:])"
 )
-_TIME = re.compile(r"(\d\d):(\d\d):(\d\d)(?:[.,](\d{1,9}))?(?![\d:])")
-_EPOCH = re.compile(r"(\d{9,19})(?:\.(\d{1,9}))?(?![\d:/-])")
+_TIME = re.compile(r"(?<![\d:.])(\d\d):(\d\d):(\d\d)(?:[.,](\d{1,9}))?(?![\d:])")
+_EPOCH = re.compile(r"(?<![\d.:/-])(\d{10,19})(?:\.(\d{1,9}))?(?![\d:/-])")
 _BLOCK_TIME = re.compile(r"(?:^|,)c:(\d{1,19})(?=[,*]|$)")
+_SEAL = re.compile(r"[0-9A-Fa-f]{2}")
 _UNIT_NS: Final = ((11, NS_PER_S), (14, NS_PER_MS), (17, 1_000), (20, 1))
 """From how many digits on a number since 1970 is in a smaller unit."""
 
@@ -46,25 +53,27 @@ class Stamp(NamedTuple):
 
 
 def stamp_in(text: str) -> Stamp | None:
-    """The stamp at the beginning of a text that stands before or behind a sentence; `None` = there is none."""
-    text = text.lstrip(" \t\"'[(,;:")
-    if match := _ISO.match(text):
+    """The first stamp in a text that stands before or behind a sentence; `None` = there is none."""
+    if match := _ISO.search(text):
         try:
             day = datetime(*(int(match[part]) for part in range(1, 7)), tzinfo=UTC)  # type: ignore[misc, arg-type]
         except ValueError:
             return None
         whole_s = round((day - datetime(1970, 1, 1, tzinfo=UTC)) / timedelta(seconds=1)) - _zone_s(match[8])
         return Stamp(whole_s * NS_PER_S + _part_ns(match[7]), match[7] is None)
-    if match := _TIME.match(text):
+    if match := _EPOCH.search(text):
+        return _since_1970(match[1], match[2])
+    if match := _TIME.search(text):
         whole_s = (int(match[1]) * 60 + int(match[2])) * 60 + int(match[3])
         return Stamp(whole_s * NS_PER_S + _part_ns(match[4]), match[4] is None)
-    if match := _EPOCH.match(text):
-        return _since_1970(match[1], match[2])
     return None
 
 
 def stamp_of_block(block: str) -> Stamp | None:
-    r"""The stamp in a tag block (without its `\`); `None` = it has no `c:`."""
+    r"""The stamp in a tag block (without its `\`); `None` = it has no `c:`, or is damaged."""
+    said, _, seal = block.rpartition("*")
+    if not _SEAL.fullmatch(seal) or int(seal, 16) != checksum(said.encode("latin-1")):
+        return None
     match = _BLOCK_TIME.search(block)
     return None if match is None else _since_1970(match[1], None)
 
@@ -136,6 +145,14 @@ def _filled(stamps: Sequence[Stamp | None]) -> list[int]:
     for stamp in stamps:
         before_ns = before_ns if stamp is None else stamp.t_ns
         times.append(before_ns)
+    outside = [
+        place
+        for place, (a, b, c) in enumerate(zip(times, times[1:], times[2:], strict=False), 1)
+        if a <= c + LATE_NS and not a - DAMAGED_NS <= b <= c + DAMAGED_NS
+    ]
+    if DAMAGED * len(outside) <= len(times):
+        for place in outside:
+            times[place] = times[place - 1]
     return times
 
 

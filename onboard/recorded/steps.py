@@ -83,6 +83,29 @@ class _Part:
         self.utc_ms = max(counts, key=counts.__getitem__) if counts else None
 
 
+class _Join(NamedTuple):
+    """How two parts that follow each other in the file lie in time."""
+
+    step_ms: int
+    """Step from the last time of the first to the first time of the second, ms."""
+    was_set: bool
+    """True when the clock was set there: how long it took is not known."""
+
+    @property
+    def is_earlier(self) -> bool:
+        """True when the second part was recorded before the first."""
+        return not self.was_set and self.step_ms < 0
+
+
+def _join(before: _Part, part: _Part) -> _Join:
+    step_ms = tod_step_ms(before.beats[-1].tod_ms, part.beats[0].tod_ms)
+    are_dated = before.utc_ms is not None and part.utc_ms is not None
+    if before.utc_ms is not None and part.utc_ms is not None:
+        step_ms = part.utc_ms - before.utc_ms - before.elapsed_ms[-1]
+    is_correction = -SET_MS <= step_ms <= 0 or (step_ms < 0 and not are_dated)
+    return _Join(step_ms, before.beats[-1].void or is_correction or abs(step_ms) > LONGEST_GAP_MS)
+
+
 class Steps:
     """Which of the times are right, how far they lie apart, and in which order."""
 
@@ -99,7 +122,7 @@ class Steps:
         self.sets: tuple[ClockSet, ...] = ()
         """Where the clock was set."""
         self._parts = self._dated(_in_parts(self._beats, self._kept()), clocks)
-        self._steps_ms = [self._step_between(a, b) for a, b in pairwise(self._parts)]
+        self._joins = [_join(a, b) for a, b in pairwise(self._parts)]
         self.first_tod_ms = 0
         """Time of day of the first anchor by the part with a date and most fixes, ms."""
         self.first_utc_ms: int | None = None
@@ -112,7 +135,7 @@ class Steps:
         """The lines (their number is `count`) in order of time; `None` = they are, as far as is known."""
         if self._back:
             at = [(beat.line, utc_ms) for beat, utc_ms in zip(self._beats, _each_utc_ms(self._beats), strict=True)]
-        elif any(step_ms < -SET_MS for step_ms in self._steps_ms):
+        elif any(join.is_earlier for join in self._joins):
             at = list(self._by_part())
         else:
             return None
@@ -133,11 +156,10 @@ class Steps:
     def _place(self) -> None:
         starts_ms = [0]
         sets = []
-        for (before, part), step_ms in zip(pairwise(self._parts), self._steps_ms, strict=True):
-            if step_ms <= 0:
-                said_ms = tod_step_ms(before.beats[-1].tod_ms, part.beats[0].tod_ms)
-                sets.append(ClockSet(part.beats[0].line, (step_ms or said_ms) / 1_000))
-            taken_ms = step_ms if step_ms > 0 else self._ordinary_ms
+        for (before, part), join in zip(pairwise(self._parts), self._joins, strict=True):
+            if join.was_set:
+                sets.append(ClockSet(part.beats[0].line, join.step_ms / 1_000))
+            taken_ms = self._ordinary_ms if join.was_set or join.step_ms <= 0 else join.step_ms
             starts_ms.append(starts_ms[-1] + before.elapsed_ms[-1] + taken_ms)
         self.sets = tuple(sets)
         self.anchors = [
@@ -149,20 +171,6 @@ class Steps:
         part = self._parts[best]
         self.first_tod_ms = (part.beats[0].tod_ms - starts_ms[best]) % DAY_MS
         self.first_utc_ms = None if part.utc_ms is None else part.utc_ms - starts_ms[best]
-
-    def _step_between(self, before: _Part, part: _Part) -> int:
-        """Step from the last beat of a part to the first of the next, ms; 0 = the clock was set, the step is unknown.
-
-        Negative: so much earlier by the dates, or set back by so much.
-        """
-        step_ms = tod_step_ms(before.beats[-1].tod_ms, part.beats[0].tod_ms)
-        if before.beats[-1].void:
-            return 0
-        if before.utc_ms is not None and part.utc_ms is not None:
-            apart_ms = part.utc_ms - before.utc_ms - before.elapsed_ms[-1]
-            if abs(apart_ms) <= LONGEST_GAP_MS:
-                return apart_ms
-        return max(0, step_ms)
 
     def _dated(self, parts: list[_Part], clocks: Clocks) -> list[_Part]:
         for part in parts:

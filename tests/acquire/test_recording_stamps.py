@@ -8,6 +8,7 @@ from common.units import NS_PER_S
 from onboard.recorded.convert import convert
 from onboard.recorded.line_times import Schedule, recorded_times
 from onboard.recorded.recording import _unwrapped, pace, read_recording
+from tests.acquire.sentences import sealed
 from tests.acquire.test_convert import write
 from tests.acquire.test_recording_clocks import START, later, said, utc_of
 from tests.acquire.test_sentence_time import HDG
@@ -25,6 +26,11 @@ def test_time_stamps_beside_the_sentences_are_their_times(name: str, tmp_path: P
     assert sum(summary["accepted"][summary["sensors"][0]].values()) == 6
 
 
+def block(text: str) -> bytes:
+    r"""A tag block: `\\c:1796040000*60\\`."""
+    return b"\\" + sealed(text)[1:] + b"\\"
+
+
 def stamped(*lines: bytes) -> Schedule:
     """The schedule of a log in which something stands beside each sentence."""
     found = [_unwrapped(line) for line in lines]
@@ -35,17 +41,17 @@ def stamped(*lines: bytes) -> Schedule:
 @pytest.mark.parametrize(
     ("form", "first"),
     [
-        ("\\\\s:r,c:{s}*00\\\\{line}", "2026-05-12T10:08:00.000"),
-        ("\\\\g:1-2-3,c:{ms}*00\\\\{line}", "2026-05-12T10:08:00.000"),
         ("{ms} {line}", "2026-05-12T10:08:00.000"),
         ("[{ms}000] {line}", "2026-05-12T10:08:00.000"),
         ("{s}.000: {line}", "2026-05-12T10:08:00.000"),
+        ("7,{iso}Z,{line}", "2026-05-12T10:08:00.000"),
+        ("[{iso}.000] {line}", "2026-05-12T10:08:00.000"),
+        ("{day:%b %d %H:%M:%S} {line}", None),
         ("{iso}Z {line}", "2026-05-12T10:08:00.000"),
         ("{iso}+02:00;{line}", "2026-05-12T08:08:00.000"),
         ('{ms},NMEA0183,HDG,"{line}"', "2026-05-12T10:08:00.000"),
         ("{line},{s}", "2026-05-12T10:08:00.000"),
         ("{line} {iso}", "2026-05-12T10:08:00.000"),
-        ("\\\\c:1{k}*00\\\\{line}", None),
     ],
 )
 def test_time_stamps_of_any_form(form: str, first: str | None) -> None:
@@ -53,11 +59,36 @@ def test_time_stamps_of_any_form(form: str, first: str | None) -> None:
     for k in range(10):
         utc = later(seconds=k)
         s = round(utc.timestamp())
-        text = form.format(s=s, ms=s * 1000, iso=utc.isoformat()[:19], line=HDG.decode(), k=k)
-        lines.append(text.replace("\\\\", "\\").encode())
+        lines.append(form.format(s=s, ms=s * 1000, iso=utc.isoformat()[:19], line=HDG.decode(), day=utc).encode())
     found = stamped(*lines)
     assert found.at_ns == [k * NS_PER_S for k in range(10)]
     assert (found.stamped, utc_of(found)) == (True, first)
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        ("s:mux1,c:177858048{k}", "2026-05-12T10:08:00.000"),
+        ("g:1-2-3,c:177858048{k}000,s:r", "2026-05-12T10:08:00.000"),
+        ("c:123{k}", None),
+    ],
+)
+def test_tag_blocks_say_when_their_line_came_but_for_damaged_ones(text: str, first: str | None) -> None:
+    lines = [block(text.format(k=k)) + HDG for k in range(10)]
+    assert stamped(*lines).at_ns == [k * NS_PER_S for k in range(10)]
+    assert utc_of(stamped(*lines)) == first
+    lines[5] = lines[5].replace(b"c:1", b"c:2")
+    assert [t_ns // NS_PER_S for t_ns in stamped(*lines).at_ns] == [0, 1, 2, 3, 4, 4, 6, 7, 8, 9]
+
+
+def test_a_single_damaged_stamp_is_no_gap() -> None:
+    lines = [f"{1_778_580_480 + k + 800_000 * (k == 15)} ".encode() + HDG for k in range(30)]
+    assert stamped(*lines).at_ns[-1] == 29 * NS_PER_S
+
+
+def test_of_a_message_in_two_lines_the_first_alone_may_have_a_stamp() -> None:
+    two = [line for k in range(5) for line in (block(f"g:1-2-{k},c:177858048{k}") + HDG, block(f"g:2-2-{k}") + HDG)]
+    assert stamped(*two).at_ns[::2] == [k * NS_PER_S for k in range(5)]
 
 
 def test_stamps_that_are_times_of_day_run_over_midnight() -> None:
@@ -87,7 +118,7 @@ def test_stamped_lines_in_disorder_are_put_in_order() -> None:
 
 
 def test_a_computer_whose_clock_was_set_has_no_gap_of_years() -> None:
-    times = (100_000_000, 100_000_001, 1_778_580_480, 1_778_580_481)
+    times = (1_000_000_000, 1_000_000_001, 1_778_580_480, 1_778_580_481)
     assert stamped(*(f"{second} ".encode() + HDG for second in times)).at_ns[-1] <= 3 * NS_PER_S
 
 
