@@ -14,8 +14,9 @@ transmission, or a fix repeated for seconds. A recording goes by one of them.
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from statistics import median
 from typing import Final
 
@@ -37,6 +38,12 @@ REPEATED: Final = 0.7
 LEAST_COMPARED: Final = 3
 REACHED: Final = 8
 """Number of times ahead among which the next one of the same clock is looked for."""
+REACH: Final = 5
+"""Most wrong times in a row that are recognised."""
+SHUFFLED: Final = 20
+"""The times of a clock are in disorder when one in so many, and more than `REACH`, lies before the one before it."""
+MOST_STRANDS: Final = 4
+"""Most devices of one talker and formatter that are told apart."""
 ZONE_MS: Final = 15 * 60_000
 """Time zones differ by multiples of this."""
 ZONE_NEAR_MS: Final = 30_000
@@ -91,7 +98,7 @@ class OtherClock:
             case "repeats":
                 what = f"repeats times of {self.lead}, up to {self.oldest_s:g} s old"
             case "local-time":
-                what = f"gives local time, {_hours(self.offset_s)} of {self.lead}"
+                what = f"gives local time, {_hours(self.offset_s)} {self.lead}"
             case "gps-time":
                 what = f"gives GPS time, without leap seconds, {ahead_s:g} s ahead of {self.lead}"
             case "transmission":
@@ -113,10 +120,18 @@ class _Voice:
     fixed: set[int] = field(default_factory=set)
     """Times of day with a fix."""
     dated: int = 0
+    number: int = 0
+    """Number of devices before it that send the same."""
+
+    def part(self, places: Container[int], number: int) -> "_Voice":
+        """Some of its times as a clock of their own; number: 0 = the first device's."""
+        lines = [line for place, line in enumerate(self.lines) if place in places]
+        tods = [tod_ms for place, tod_ms in enumerate(self.tods) if place in places]
+        return _Voice(self.key, lines, tods, self.fixed.intersection(tods), min(self.dated, len(lines)), number)
 
     @property
     def name(self) -> str:
-        return "".join(self.key)
+        return "another " * (self.number > 0) + "".join(self.key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,29 +157,33 @@ def clocks_of(items: Sequence[ReceiverLine | None]) -> Clocks:
         return Clocks(list(items), (), frozenset(), None, frozenset())
     lead = _leading(voices)
     period_ms = ordinary_step_ms(lead.tods)
-    same, near, others = [lead], [], []
+    same, near, others = [lead], list[_Voice](), list[_Voice]()
     for voice in voices:
         if voice is lead:
             continue
-        apart = _Apart(voice, lead, period_ms)
-        match apart.relation():
+        match _Apart(voice, lead, period_ms).relation():
             case "same":
                 same.append(voice)
             case "near":
-                near.append((voice, apart))
+                near.append(voice)
             case _:
-                others.append((voice, apart))
-    unused = frozenset(line for voice, _ in others for line in voice.lines)
-    late = {line for voice, _ in near if voice.key[0] == lead.key[0] for line in voice.lines}
-    silent = unused.union(line for voice, _ in near if voice.key[0] != lead.key[0] for line in voice.lines)
+                others.append(voice)
+    unused = frozenset(line for voice in others for line in voice.lines)
+    late = {line for voice in near if voice.key[0] == lead.key[0] for line in voice.lines}
+    silent = unused.union(line for voice in near if voice.key[0] != lead.key[0] for line in voice.lines)
     kept = [
         None if line in silent else item._replace(timed=False, tod_ms=None) if item and line in late else item
         for line, item in enumerate(items)
     ]
-    told = [_told(voice, lead, apart, used=False) for voice, apart in others]
-    told += [_told(voice, lead, apart, used=True) for voice, apart in near if abs(apart.offset_ms) > TOLD_NEAR_MS]
-    dates = tuple(dated for voice, apart in [*near, *others] for dated in _dates(voice, apart.offset_ms, items))
-    return Clocks(kept, tuple(_joined(told)), unused, lead.key, frozenset(_anchoring(same, lead)), dates)
+    base = sorted((line, tod_ms) for voice in same for line, tod_ms in zip(voice.lines, voice.tods, strict=True))
+    told, dates = list[OtherClock](), list[tuple[int, int]]()
+    for voice in (*others, *near):
+        ahead = _ahead_ms(voice, base)
+        clock = _told(voice, lead, ahead, used=voice in near)
+        dates += _dates(voice, round(1_000 * clock.offset_s), items)
+        if not clock.used or abs(1_000 * clock.offset_s) > TOLD_NEAR_MS:
+            told.append(clock)
+    return Clocks(kept, tuple(_joined(told)), unused, lead.key, frozenset(_anchoring(same, lead)), tuple(dates))
 
 
 def _dates(voice: _Voice, ahead_ms: int, items: Sequence[ReceiverLine | None]) -> Iterable[tuple[int, int]]:
@@ -172,6 +191,13 @@ def _dates(voice: _Voice, ahead_ms: int, items: Sequence[ReceiverLine | None]) -
         item = items[line]
         if item is not None and item.day is not None:
             yield line, item.day * DAY_MS + tod_ms - ahead_ms
+
+
+def _ahead_ms(voice: _Voice, base: Sequence[tuple[int, int]]) -> list[int]:
+    """How far each time is ahead of the newest one that the recording goes by, ms; base: line and time of these."""
+    lines = [line for line, _ in base]
+    places = (max(0, bisect_left(lines, line) - 1) for line in voice.lines)
+    return [tod_step_ms(base[place][1], tod_ms) for place, tod_ms in zip(places, voice.tods, strict=True)]
 
 
 def _voices(items: Iterable[ReceiverLine | None]) -> list[_Voice]:
@@ -185,7 +211,39 @@ def _voices(items: Iterable[ReceiverLine | None]) -> list[_Voice]:
         voice.dated += item.day is not None
         if item.has_fix:
             voice.fixed.add(item.tod_ms)
-    return list(voices.values())
+    return [strand for voice in voices.values() for strand in _strands(voice)]
+
+
+def steps_back(tods: Sequence[int]) -> int:
+    """How many times lie before the one before; 0 = no more than those of single clocks that were set."""
+    back = sum(tod_step_ms(a, b) < 0 for a, b in pairwise(tods))
+    return back if back > REACH and SHUFFLED * back > len(tods) else 0
+
+
+def _strands(voice: _Voice) -> list[_Voice]:
+    """The clocks of devices that send the same talker and formatter: each carries on from its own time before.
+
+    One clock where the times are in order, or shuffled: then no strand is long.
+    """
+    if not steps_back(voice.tods):
+        return [voice]
+    longest_ms = 3 * ordinary_step_ms(voice.tods) // 2
+    strands: list[list[int]] = []
+    for place, tod_ms in enumerate(voice.tods):
+        steps = [(tod_step_ms(voice.tods[strand[-1]], tod_ms), strand) for strand in strands[-MOST_STRANDS:]]
+        fitting = [pair for pair in steps if 0 <= pair[0] <= longest_ms]
+        if fitting:
+            min(fitting, key=lambda pair: pair[0])[1].append(place)
+        else:
+            strands.append([place])
+    long = [strand for strand in strands if MOST_STRANDS * len(strand) >= len(voice.tods)]
+    if len(long) < 2 or sum(map(len, long)) < LEAST_SHARE * len(voice.tods):
+        return [voice]
+    if any(steps[0] > len(voice.tods) // 4 or steps[-1] < 3 * len(voice.tods) // 4 for steps in long):
+        return [voice]
+    own = {place: number for number, strand in enumerate(long) for place in strand}
+    places = range(len(voice.tods))
+    return [voice.part({place for place in places if own.get(place, 0) == n}, n) for n in range(len(long))]
 
 
 def _leading(voices: Sequence[_Voice]) -> _Voice:
@@ -206,31 +264,18 @@ class _Apart:
         self._voice, self._lead, self._period_ms = voice, lead, period_ms
         self._least_ms: list[int] = []
         """Distance of each time from the leading clock's nearest time, ms."""
-        self._by_place_ms: list[int] = []
-        """Distance from the time that the leading clock gives in the nearest line, ms."""
         self._between = 0
         for line, tod_ms in zip(voice.lines, voice.tods, strict=True):
             place = bisect_left(lead.lines, line)
             if 0 < place < len(lead.lines):
-                self._compare(place, line, tod_ms)
+                self._compare(place, tod_ms)
 
-    def _compare(self, place: int, line: int, tod_ms: int) -> None:
-        lines, tods = self._lead.lines, self._lead.tods
+    def _compare(self, place: int, tod_ms: int) -> None:
+        tods = self._lead.tods
         behind, ahead = tod_step_ms(tods[place - 1], tod_ms), tod_step_ms(tods[place], tod_ms)
         self._between += behind >= 0 >= ahead
         was_silent = behind >= 0 >= ahead and 2 * (behind - ahead) > 3 * self._period_ms
         self._least_ms.append(0 if was_silent else min(behind, ahead, key=abs))
-        self._by_place_ms.append(behind if line - lines[place - 1] <= lines[place] - line else ahead)
-
-    @property
-    def offset_ms(self) -> int:
-        """How far it is ahead (median), ms."""
-        return round(median(self._by_place_ms)) if self._by_place_ms else 0
-
-    @property
-    def oldest_ms(self) -> int:
-        """How far it is behind at worst, ms."""
-        return max(0, -min(self._by_place_ms, default=0))
 
     def relation(self) -> str:
         """`same`, `near` or `other`."""
@@ -242,10 +287,19 @@ class _Apart:
         near = sum(2 * abs(step) <= self._period_ms for step in self._least_ms) >= NEAR_SHARE * compared
         if near and self._least_ms.count(0) >= SAME_SHARE * compared:
             return "same"
-        is_own = voice.key[0] == self._lead.key[0] and self._between >= NEAR_SHARE * compared
-        if is_own and median(map(abs, self._least_ms)) >= BETWEEN * self._period_ms:
+        if self._between >= NEAR_SHARE * compared and (self._has_own_times() or self._is_finer()):
             return "same"
         return "near" if near else "other"
+
+    def _has_own_times(self) -> bool:
+        """A sentence of the same talker has its turn between those of the leading clock."""
+        is_off = median(map(abs, self._least_ms)) >= BETWEEN * self._period_ms
+        return self._voice.key[0] == self._lead.key[0] and is_off
+
+    def _is_finer(self) -> bool:
+        """It gives the times of the leading clock, and others between them."""
+        leading = set(self._lead.tods)
+        return len(leading & set(self._voice.tods)) >= NEAR_SHARE * len(leading)
 
     def repeats(self) -> bool:
         """It gives most of its times more than once, and the leading clock does not."""
@@ -265,8 +319,8 @@ def _anchoring(same: Sequence[_Voice], lead: _Voice) -> Iterable[Key]:
             yield voice.key
 
 
-def _told(voice: _Voice, lead: _Voice, apart: _Apart, *, used: bool) -> OtherClock:
-    middle_ms = apart.offset_ms
+def _told(voice: _Voice, lead: _Voice, ahead: Sequence[int], *, used: bool) -> OtherClock:
+    middle_ms = round(median(ahead))
     zone_ms = round(middle_ms / ZONE_MS) * ZONE_MS
     if used:
         kind = "transmission" if middle_ms > 0 else "offset"
@@ -283,7 +337,7 @@ def _told(voice: _Voice, lead: _Voice, apart: _Apart, *, used: bool) -> OtherClo
         lead=lead.name,
         kind=kind,
         offset_s=middle_ms / 1_000,
-        oldest_s=apart.oldest_ms / 1_000,
+        oldest_s=max(0, -min(ahead)) / 1_000,
         sentences=len(voice.lines),
         used=used,
     )
@@ -313,4 +367,4 @@ def _joined(told: Iterable[OtherClock]) -> Iterable[OtherClock]:
 
 def _hours(offset_s: float) -> str:
     hours, minutes = divmod(round(abs(offset_s) / 60), 60)
-    return f"{hours} h {minutes:02} min {'ahead' if offset_s > 0 else 'behind'}"
+    return f"{hours} h {minutes:02} min {'ahead of' if offset_s > 0 else 'behind'}"

@@ -21,15 +21,11 @@ from typing import Final, NamedTuple
 
 from onboard.devices.nmea_fields import DAY_MS
 from onboard.recorded.bursts import Burst
-from onboard.recorded.clocks import Clocks, tod_step_ms
+from onboard.recorded.clocks import REACH, Clocks, steps_back, tod_step_ms
 
 LONGEST_STEP_MS: Final = 10_000
 """Longest step between two anchors, ms: a longer one (and longer than five ordinary ones) is a gap or a wrong time."""
-REACH: Final = 5
-"""Most wrong times in a row that are recognised."""
 DEFAULT_STEP_MS: Final = 1_000
-SHUFFLED: Final = 20
-"""A recording is shuffled when one time in so many, and more than `REACH`, lies before the one before it."""
 SET_MS: Final = 20_000
 """A clock is corrected by up to this, ms (leap seconds learned at the first almanac); what lies further back was
 recorded earlier."""
@@ -113,7 +109,8 @@ class Steps:
         """found: all bursts of the recording, in the order of the file."""
         self._beats = _beats(found, clocks)
         self._tods = [beat.tod_ms for beat in self._beats]
-        self._back = _steps_back(clocks)
+        leading = (item for item in clocks.items if item is not None and item.key == clocks.lead)
+        self._is_shuffled = steps_back([item.tod_ms for item in leading if item.tod_ms is not None]) > 0
         forward = [step for a, b in pairwise(self._tods) if (step := tod_step_ms(a, b)) > 0]
         self._ordinary_ms = round(median(forward)) if forward else DEFAULT_STEP_MS
         if self._ordinary_ms > LONGEST_STEP_MS and len(forward) <= REACH:
@@ -133,7 +130,7 @@ class Steps:
 
     def order(self, count: int) -> tuple[int, ...] | None:
         """The lines (their number is `count`) in order of time; `None` = they are, as far as is known."""
-        if self._back:
+        if self._is_shuffled:
             at = [(beat.line, utc_ms) for beat, utc_ms in zip(self._beats, _each_utc_ms(self._beats), strict=True)]
         elif any(join.is_earlier for join in self._joins):
             at = list(self._by_part())
@@ -262,13 +259,6 @@ def _from_others(part: _Part, dates: Iterable[tuple[int, int]]) -> Iterator[int]
 
 def _weight(part: _Part) -> tuple[bool, int]:
     return part.utc_ms is not None, part.fixes
-
-
-def _steps_back(clocks: Clocks) -> int:
-    """How many times of the leading clock lie before the one before; 0 = no more than single clocks that were set."""
-    tods = [item.tod_ms for item in clocks.items if item and item.key == clocks.lead and item.tod_ms is not None]
-    back = sum(tod_step_ms(a, b) < 0 for a, b in pairwise(tods))
-    return back if back > REACH and SHUFFLED * back > len(tods) else 0
 
 
 def _each_utc_ms(beats: Sequence[_Beat]) -> Iterator[int]:

@@ -201,11 +201,21 @@ def test_shuffled_lines_go_back_to_their_times(reach: int) -> None:
     assert utc_of(found) == "2026-05-12T10:08:00.000"
 
 
-def test_a_repeat_by_the_same_talker_goes_to_the_time_that_it_gives() -> None:
+def test_a_plotter_that_repeats_under_the_receivers_talker_is_told_apart() -> None:
     lines = [said("GP", "RMC", later(seconds=2 * (k // 2) - 2 * (k % 2))) for k in range(2, 80)]
     found = sentence_times(lines)
-    assert found.at_ns[-1] == 78 * NS_PER_S
+    assert found.at_ns[::2] == [2 * k * NS_PER_S for k in range(39)]
+    assert utc_of(found) == "2026-05-12T10:08:02.000"
+    words = "another GPRMC repeats times of GPRMC, up to 2 s old: its 39 sentences are not used"
+    assert [clock.words() for clock in found.clocks] == [words]
+
+
+@pytest.mark.parametrize("shift_s", [-2.0, 18.0, 7200.0])
+def test_two_devices_of_one_talker_are_told_apart(shift_s: float) -> None:
+    found = sentence_times(interleaved(stream(kinds=["RMC"]), stream("GP", later(seconds=shift_s), kinds=["RMC"])))
+    assert found.at_ns[::4] == [k * NS_PER_S for k in range(20)]
     assert utc_of(found) == "2026-05-12T10:08:00.000"
+    assert [clock.offset_s for clock in found.clocks] == [shift_s]
 
 
 def test_two_receivers_on_one_wire_are_both_used() -> None:
@@ -252,7 +262,7 @@ def test_the_only_date_may_be_that_of_a_clock_in_local_time() -> None:
             "gps-time",
             "GNRMC gives GPS time, without leap seconds, 18 s ahead of GPRMC: its 20 sentences are not used",
         ),
-        (-5400.0, "local-time", "GNRMC gives local time, 1 h 30 min behind of GPRMC: its 20 sentences are not used"),
+        (-5400.0, "local-time", "GNRMC gives local time, 1 h 30 min behind GPRMC: its 20 sentences are not used"),
         (-3.0, "repeats", "GNRMC repeats times of GPRMC, up to 3 s old: its 20 sentences are not used"),
         (100.0, "offset", "GNRMC is 100 s ahead of GPRMC: its 20 sentences are not used"),
         (0.04, "transmission", "GNRMC gives the time of transmission, 0.04 s after the fix of GPRMC"),
