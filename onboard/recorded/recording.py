@@ -40,7 +40,8 @@ _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 """Some editors put it before a text."""
 _LINE_ENDS: Final = b"\r\n"
 _SENTENCE: Final = rb"([$!][^\"\\\r\n$!]*\*[0-9A-Fa-f]{2})"
-_BLOCK: Final = re.compile(rb"\\([^\\\r\n]*)\\" + _SENTENCE + rb"\s*")
+_BLOCK: Final = re.compile(rb"\\([^\\\r\n]*)\\([$!][^\r\n]*)[\r\n]*")
+"""A tag block, and the sentence behind it, damaged or not."""
 _WRAPPED: Final = (
     re.compile(rb'([^\r\n]*)"' + _SENTENCE + rb'".*', re.DOTALL),
     re.compile(rb"([\[(]?(?:[A-Z][a-z]{2} +)*[0-9][0-9TZUC :.,;/+-]*[\])]?)[ \t,;:>|]" + _SENTENCE + rb"\s*"),

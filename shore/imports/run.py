@@ -99,9 +99,6 @@ def _from_serial(job: Job, stack: ExitStack, source: Path, log: serial_port.Serv
         given += [] if value is None else [name, str(value)]
     try:
         summary = serial_port.convert(source, frames, given, say)
-        if log is not None and summary["pace"] == "baud" and log.lines_per_second is not None:
-            given += ["--lines-per-second", repr(log.lines_per_second)]
-            summary = serial_port.convert(source, frames, given, say)
     except WayfixError as error:
         raise WayfixError(str(error).replace(str(source), str(job.source))) from error
     account = serial_port.account_of(summary)
