@@ -28,7 +28,8 @@ from onboard.config import byte_budget, load
 from onboard.devices.nmea_sentence import address
 from onboard.reading.acquisition import Acquisition
 from onboard.reading.port_chain import Tally
-from onboard.recorded.notes import date_note, length_note, time_notes
+from onboard.reading.utc_clock import UNCERTAINTY_NS
+from onboard.recorded.notes import before_gps, date_note, length_note, time_notes
 from onboard.recorded.recording import BAUDS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 
@@ -88,6 +89,7 @@ class Conversion:
         self._chain.chunk(b"\n", start_ns)
         self._heard_ns = start_ns
         self._unused = unused_lines(paced, config)
+        self._utc_less_boat_ns = None if is_doubtful(paced, config) else paced.schedule.utc_less_boat_ns
 
     def greeting(self) -> dict[str, Any]:
         """The fields of `connected`, and what the file was made of."""
@@ -128,6 +130,13 @@ class Conversion:
         tally = self._chain.tally
         return Summary(tally, self._chain.splitter.overflows, self._t0_ns, self._acquisition.framer.t0_ns)
 
+    def _dated(self, frame: Frame) -> Frame:
+        """The frame with the UTC of the whole recording where the pairs of date and time before it say none."""
+        if frame.utc_ns is not None or self._utc_less_boat_ns is None:
+            return frame
+        source, doubt_ns = ("rtc", NS_PER_S) if self._paced.schedule.dated_by_stamps else ("gnss", UNCERTAINTY_NS)
+        return replace(frame, utc_ns=frame.t0_ns + self._utc_less_boat_ns, utc_unc_ns=doubt_ns, utc_src=source)
+
     def _ticks_to(self, t_ns: int) -> Iterator[Frame]:
         """The frames that end at or before `t_ns`."""
         while self._tick_ns <= t_ns:
@@ -138,7 +147,7 @@ class Conversion:
                     self._acquisition.happened(event("ticks-missed", self._tick_ns, "daemon", count=missed))
                 self._heard_ns = t_ns
             self._chain.flush(self._tick_ns)
-            yield self._acquisition.frame(self._tick_ns)
+            yield self._dated(self._acquisition.frame(self._tick_ns))
             self._tick_ns += self._period_ns
 
 
@@ -150,6 +159,11 @@ def unused_lines(paced: Paced, config: BoatConfig) -> frozenset[int]:
         return unused
     bare = paced.recording.bare
     return frozenset(line for line in unused if (address(bare[line]) or ("", ""))[0] not in own)
+
+
+def is_doubtful(paced: Paced, config: BoatConfig) -> bool:
+    """True when the date may be that of a receiver that lost its weeks, by itself or by the boat's file."""
+    return before_gps(paced) or any(sensor.week_rollover for sensor in config.sensor)
 
 
 def identity_of(paced: Paced, config: BoatConfig) -> Identity:
@@ -214,8 +228,7 @@ def convert(
         raise WayfixError(f"cannot be written ({error.strerror})", str(target), "check space and rights") from error
     summary = conversion.summary()
     numbers = paced.recording.numbers
-    is_repaired = any(sensor.week_rollover for sensor in conversion.config.sensor)
-    date_said = None if is_repaired else date_note(paced)
+    date_said = date_note(paced, conversion.config)
     gaps = [{"line": numbers[gap.line], "seconds": round(gap.seconds, 3)} for gap in paced.schedule.gaps]
     return {
         "out": str(target),
@@ -224,7 +237,7 @@ def convert(
         "pace": _pace_of(paced, lines_per_second),
         "gaps": gaps,
         "utc_ms": paced.schedule.first_utc_ms,
-        "utc_less_boat_ms": _utc_less_boat_ms(paced),
+        "utc_less_boat_ns": paced.schedule.utc_less_boat_ns,
         "clocks": [as_dict(clock) for clock in paced.schedule.clocks],
         "notes": [*time_notes(paced), *filter(None, [length_note(paced), date_said])],
         "file_lines": recording.total,
@@ -237,11 +250,6 @@ def convert(
         "sensors": [sensor["id"] for sensor in greeting["sensors"]],
         "boot_id": greeting["boot_id"],
     }
-
-
-def _utc_less_boat_ms(paced: Paced) -> int | None:
-    schedule = paced.schedule
-    return None if schedule.first_utc_ms is None else schedule.first_utc_ms - (schedule.first_tod_ms or 0)
 
 
 def _pace_of(paced: Paced, lines_per_second: float | None) -> str:

@@ -20,7 +20,7 @@ from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices.nmea_fields import DAY_MS
 from onboard.recorded.bursts import Burst, bursts, receiver_line
 from onboard.recorded.clocks import Clocks, OtherClock, clocks_of, ordinary_step_ms, tod_step_ms
-from onboard.recorded.stamps import Stamp, StampedTimes, stamped_times
+from onboard.recorded.stamps import HostStamp, StampedTimes, stamped_times
 from onboard.recorded.steps import LONGEST_STEP_MS, Anchor, ClockSet, Steps
 
 BITS_PER_BYTE: Final = 10
@@ -60,6 +60,14 @@ class Schedule:
     stamp_ahead_s: float | None = None
     """How far the stamps are ahead of the UTC in the sentences, s; `None` = there is one of them only."""
 
+    dated_by_stamps: bool = False
+    """True when the date is that of the time stamps: no sentence has one."""
+
+    @property
+    def utc_less_boat_ns(self) -> int | None:
+        """UTC less the boat clock of a recording, which counts from midnight UTC, ns; `None` = there is no date."""
+        return None if self.first_utc_ms is None else (self.first_utc_ms - (self.first_tod_ms or 0)) * NS_PER_MS
+
     @property
     def timed(self) -> bool:
         """There are times in the recording."""
@@ -82,7 +90,7 @@ def _steps_of(lines: Sequence[bytes]) -> tuple[Clocks, list[Burst], Steps]:
     return clocks, found, Steps(found, clocks)
 
 
-def recorded_times(lines: Sequence[bytes], stamps: Sequence[Stamp | None]) -> Schedule:
+def recorded_times(lines: Sequence[bytes], stamps: Sequence[HostStamp | None]) -> Schedule:
     """The schedule of the lines by the stamps beside them, where they have some, else by the times in their sentences.
 
     A stamp says when a line came, for lines without a time too. What UTC that was the sentences say; without any the
@@ -120,6 +128,7 @@ def recorded_times(lines: Sequence[bytes], stamps: Sequence[Stamp | None]) -> Sc
         clocks.others,
         clocks.unused,
         stamped=True,
+        dated_by_stamps=steps.first_utc_ms is None and first_utc_ms is not None,
         stamp_ahead_s=_stamp_ahead_s(by_stamp, first_utc_ms, first_tod_ms),
     )
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Final
 
+from common.boat_config import BoatConfig
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices.gps.dates import EARLIEST_ARCHIVE_NS
 from onboard.recorded.recording import Paced
@@ -43,10 +44,16 @@ def length_note(paced: Paced) -> str | None:
     return f"of {long_s:.0f} s its lines fill {long_s - silent_s:.0f} s: the longest gap is {gap}"
 
 
-def date_note(paced: Paced) -> str | None:
+def before_gps(paced: Paced) -> bool:
+    """True when its date is from before GPS was complete."""
+    utc_ms = paced.schedule.first_utc_ms
+    return utc_ms is not None and utc_ms * NS_PER_MS < EARLIEST_ARCHIVE_NS
+
+
+def date_note(paced: Paced, config: BoatConfig) -> str | None:
     """What a person should know of a date that only a receiver gives that lost its weeks."""
     utc_ms = paced.schedule.first_utc_ms
-    if utc_ms is None or utc_ms * NS_PER_MS >= EARLIEST_ARCHIVE_NS:
+    if utc_ms is None or not before_gps(paced) or any(sensor.week_rollover for sensor in config.sensor):
         return None
     day = datetime.fromtimestamp(utc_ms / 1_000, UTC).date()
     return (

@@ -25,7 +25,7 @@ from onboard.recorded.line_times import (
     time_on_wire_ns,
     without_long_gaps,
 )
-from onboard.recorded.stamps import Stamp, stamp_in, stamp_of_block
+from onboard.recorded.stamps import HostStamp, stamp_in, stamp_of_block
 
 MAX_FILE_BYTES: Final = 128 << 20
 """Largest file, bytes: most of a day of a busy 38400 baud port. It is held in memory, and takes some 15 times its size
@@ -67,7 +67,7 @@ class Recording:
     (`no-sentence`)."""
     digest: str
     """SHA-256 of the file, hexadecimal."""
-    stamps: tuple[Stamp | None, ...]
+    stamps: tuple[HostStamp | None, ...]
     """What was written beside each line to say when it came."""
 
     @property
@@ -174,7 +174,7 @@ def _lag_ns(at_ns: Sequence[int], starts_ns: Sequence[int]) -> int:
     return max(waits, default=0)
 
 
-def _unwrapped(piece: bytes) -> tuple[bytes, Stamp | None] | None:
+def _unwrapped(piece: bytes) -> tuple[bytes, HostStamp | None] | None:
     """The sentence in a line of a log, and the time beside it; `None` = nothing stands around a sentence."""
     if match := _BEHIND.fullmatch(piece):
         stamp = stamp_in(match[2].decode("ascii"))

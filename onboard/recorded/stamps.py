@@ -43,7 +43,7 @@ _UNIT_NS: Final = ((11, NS_PER_S), (14, NS_PER_MS), (17, 1_000), (20, 1))
 """From how many digits on a number since 1970 is in a smaller unit."""
 
 
-class Stamp(NamedTuple):
+class HostStamp(NamedTuple):
     """A time that stands beside a sentence."""
 
     t_ns: int
@@ -52,7 +52,7 @@ class Stamp(NamedTuple):
     """True when it has no parts of a second."""
 
 
-def stamp_in(text: str) -> Stamp | None:
+def stamp_in(text: str) -> HostStamp | None:
     """The first stamp in a text that stands before or behind a sentence; `None` = there is none."""
     if match := _ISO.search(text):
         try:
@@ -60,16 +60,16 @@ def stamp_in(text: str) -> Stamp | None:
         except ValueError:
             return None
         whole_s = round((day - datetime(1970, 1, 1, tzinfo=UTC)) / timedelta(seconds=1)) - _zone_s(match[8])
-        return Stamp(whole_s * NS_PER_S + _part_ns(match[7]), match[7] is None)
+        return HostStamp(whole_s * NS_PER_S + _part_ns(match[7]), match[7] is None)
     if match := _EPOCH.search(text):
         return _since_1970(match[1], match[2])
     if match := _TIME.search(text):
         whole_s = (int(match[1]) * 60 + int(match[2])) * 60 + int(match[3])
-        return Stamp(whole_s * NS_PER_S + _part_ns(match[4]), match[4] is None)
+        return HostStamp(whole_s * NS_PER_S + _part_ns(match[4]), match[4] is None)
     return None
 
 
-def stamp_of_block(block: str) -> Stamp | None:
+def stamp_of_block(block: str) -> HostStamp | None:
     r"""The stamp in a tag block (without its `\`); `None` = it has no `c:`, or is damaged."""
     said, _, seal = block.rpartition("*")
     if not _SEAL.fullmatch(seal) or int(seal, 16) != checksum(said.encode("latin-1")):
@@ -78,9 +78,9 @@ def stamp_of_block(block: str) -> Stamp | None:
     return None if match is None else _since_1970(match[1], None)
 
 
-def _since_1970(digits: str, part: str | None) -> Stamp:
+def _since_1970(digits: str, part: str | None) -> HostStamp:
     unit_ns = next(unit for most, unit in _UNIT_NS if len(digits) < most)
-    return Stamp(int(digits) * unit_ns + _part_ns(part) * unit_ns // NS_PER_S, unit_ns == NS_PER_S and part is None)
+    return HostStamp(int(digits) * unit_ns + _part_ns(part) * unit_ns // NS_PER_S, unit_ns == NS_PER_S and part is None)
 
 
 def _part_ns(digits: str | None) -> int:
@@ -102,7 +102,7 @@ class StampedTimes(NamedTuple):
     order: tuple[int, ...] | None
     """Where each line stands in the file; `None` = in that order."""
     first_ns: int
-    """Stamp of the first line, ns."""
+    """HostStamp of the first line, ns."""
     is_whole: bool
     """True when the stamps are whole seconds: lines of one are spread over it."""
 
@@ -118,7 +118,7 @@ class StampedTimes(NamedTuple):
         return self.first_ns // NS_PER_MS % DAY_MS if is_tod or self.utc_ms is not None else None
 
 
-def stamped_times(stamps: Sequence[Stamp | None]) -> StampedTimes | None:
+def stamped_times(stamps: Sequence[HostStamp | None]) -> StampedTimes | None:
     """When each line came; `None` = too few have a stamp, or all the same.
 
     Lines that lie in another order than their stamps are put in that order. A step ahead of more than a year, and a
@@ -138,7 +138,7 @@ def stamped_times(stamps: Sequence[Stamp | None]) -> StampedTimes | None:
     return StampedTimes([t_ns - at_ns[0] for t_ns in at_ns], order, times[0], is_whole)
 
 
-def _filled(stamps: Sequence[Stamp | None]) -> list[int]:
+def _filled(stamps: Sequence[HostStamp | None]) -> list[int]:
     """The stamps; a line without one came with the line before it."""
     before_ns = next(stamp.t_ns for stamp in stamps if stamp is not None)
     times = []

@@ -11,7 +11,7 @@ from common.errors import CodecError, WayfixError
 from common.framer import ImuSample, Measurement
 from common.messages import Frame
 from common.settings import convert
-from common.units import NS_PER_MS, NS_PER_S
+from common.units import NS_PER_S
 from shore.imports.job import Job
 from shore.imports.line_counts import Account
 from shore.imports.log_maker import LogMaker, Written
@@ -95,11 +95,11 @@ class FramedRecording:
         file: FramedFile,
         hint_ns: int | None = None,
         count: int | None = None,
-        utc_less_boat_ms: int | None = None,
+        utc_less_boat_ns: int | None = None,
     ) -> None:
         """hint_ns: UTC of the first line where nothing else gives it; count: of the frames, for the bar.
 
-        utc_less_boat_ms: by the leading clock of the recording; where the frames say a wholly different UTC (a week
+        utc_less_boat_ns: by the leading clock of the recording; where the frames say a wholly different UTC (a week
         rollover that was repaired), these are believed.
         """
         self._job = job
@@ -108,10 +108,10 @@ class FramedRecording:
         job.digest = digest_of(job.source)
         first = next(_decoded(file.frames()), None)
         self._offset_ns = utc_offset_ns(_decoded(file.frames()))
-        if utc_less_boat_ms is not None:
-            dated_ns = utc_less_boat_ms * NS_PER_MS
-            if self._offset_ns is None or abs(self._offset_ns - dated_ns) < REPAIRED_NS:
-                self._offset_ns = dated_ns
+        if utc_less_boat_ns is not None and (
+            self._offset_ns is None or abs(self._offset_ns - utc_less_boat_ns) < REPAIRED_NS
+        ):
+            self._offset_ns = utc_less_boat_ns
         if self._offset_ns is None and hint_ns is not None and first is not None:
             self._offset_ns = hint_ns - first.t0_ns
 

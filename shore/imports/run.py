@@ -114,7 +114,7 @@ def _from_serial(job: Job, stack: ExitStack, source: Path, log: serial_port.Serv
         job.notes.append("no times inside: lines follow each other at the baud rate; --lines-per-second X sets another")
     file = stack.enter_context(FramesFile(frames))
     hint_ns = None if log is None else log.first_ns
-    return FramedRecording(job, file, hint_ns, summary["frames"], summary["utc_less_boat_ms"])
+    return FramedRecording(job, file, hint_ns, summary["frames"], summary["utc_less_boat_ns"])
 
 
 def _directory(stack: ExitStack) -> Path:

@@ -1,11 +1,15 @@
 """Archives: a recording of past years is believed, and dated by the clock that leads it."""
 
+import math
 from pathlib import Path
 
 import pytest
 
+from common.boat_config import BoatConfig
 from common.codec import decode_frame
+from common.settings import convert
 from shore.logbook.log_reader import read_log
+from shore.navigation.measurements import Reader, TrueHeading
 from tests.acquire.test_recording_clocks import START, later, said, stream
 from tests.cases import CASES, needs_cases
 from tests.station.imports import Importer
@@ -27,7 +31,13 @@ def test_old_log_2014(importer: Importer) -> None:
     found = importer(CASES / "shore" / "old-log-2014.nmea")
     assert found.summary["utc"] == "2014-08-21T16:18:03+00:00"
     assert not codes(found.out) & {"week-rollover", "date-refused", "week-rollover-repaired"}
-    assert found.frames[-1].utc_ns is not None
+    reader = Reader(
+        convert(found.session[0]["connected"]["config"], BoatConfig, "boat", strict=False), lambda told: None
+    )
+    headings = [item for frame in found.frames for item in reader.read(frame) if isinstance(item, TrueHeading)]
+    assert len(headings) == 40
+    # 86.8 and 87.0 magnetic; variation 1.25 east by WMM2010.
+    assert {round(math.degrees(item.heading_rad), 1) for item in headings} == {88.1, 88.3}
 
 
 @needs_cases
