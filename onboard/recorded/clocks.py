@@ -3,8 +3,8 @@
 Receivers, plotters and multiplexers on one wire each have a clock of their own: UTC, local time, GPS time, the time of
 transmission, or a fix repeated for seconds. A recording goes by one of them.
 
-1. The clock with a date and most fixes at different times leads; of those with nearly as many that of the first talker
-   in the file. A recording without a date goes by the clock with most fixes.
+1. The clock with a date and most fixes at different times leads; of those with nearly as many the one whose times come
+   first in the file. A recording without a date goes by the clock with most fixes.
 2. A clock that gives the same times, or times of its own between them by the same talker, is one with it. Where it is
    another device's (both talkers give the same times) it only stands in where the leading clock is silent.
 3. A clock less than half a period off is used, but not for the time: a receiver may write the time of transmission.
@@ -35,7 +35,6 @@ BETWEEN: Final = 0.125
 """Part of a period from which on a time between two of the leading clock is one of its own, not late to be written."""
 REPEATED: Final = 0.7
 """A clock repeats when fewer of its sentences than this give a time that is new."""
-LEAST_COMPARED: Final = 3
 REACHED: Final = 8
 """Number of times ahead among which the next one of the same clock is looked for."""
 REACH: Final = 5
@@ -252,9 +251,15 @@ def _leading(voices: Sequence[_Voice]) -> _Voice:
     most = max(len(voice.fixed) for voice in among)
     if not most:
         return max(among, key=lambda voice: len(set(voice.tods)))
-    talkers = list(dict.fromkeys(voice.key[0] for voice in voices))
     nearly = [voice for voice in among if len(voice.fixed) >= LEAST_SHARE * most]
-    return min(nearly, key=lambda voice: talkers.index(voice.key[0]))
+    return min(nearly, key=lambda voice: (_first_line(voice, voices), voice.lines[0]))
+
+
+def _first_line(voice: _Voice, voices: Iterable[_Voice]) -> int:
+    """The first line that gives times of this clock: a receiver may have several talkers."""
+    own = set(voice.tods)
+    sharing = (other for other in voices if len(own.intersection(other.tods)) >= SAME_SHARE * len(own))
+    return min(other.lines[0] for other in sharing)
 
 
 class _Apart:
@@ -280,7 +285,7 @@ class _Apart:
     def relation(self) -> str:
         """`same`, `near` or `other`."""
         voice, compared = self._voice, len(self._least_ms)
-        if compared < max(LEAST_COMPARED, len(voice.lines) // 10):
+        if compared <= len(voice.lines) // 10:
             return "same"  # Before or behind it in the file: there is nothing to compare.
         if self.repeats():
             return "other"
