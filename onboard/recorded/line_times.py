@@ -23,6 +23,9 @@ from onboard.recorded.clocks import Clocks, OtherClock, clocks_of, ordinary_step
 from onboard.recorded.stamps import HostStamp, StampedTimes, stamped_times
 from onboard.recorded.steps import LONGEST_STEP_MS, Anchor, ClockSet, Steps
 
+WANDER_SHARE: Final = 20
+"""Time stamps wander when one step in so many is wrong."""
+LEAST_WANDER_MS: Final = 100
 BITS_PER_BYTE: Final = 10
 """Bits on the wire for each byte, 8N1: a start bit, eight data bits and a stop bit."""
 
@@ -60,6 +63,8 @@ class Schedule:
     stamp_ahead_s: float | None = None
     """How far the stamps are ahead of the UTC in the sentences, s; `None` = there is one of them only."""
 
+    stamps_wander: bool = False
+    """True when there are time stamps that say less of when a line came than the sentences do."""
     dated_by_stamps: bool = False
     """True when the date is that of the time stamps: no sentence has one."""
 
@@ -94,7 +99,7 @@ def recorded_times(lines: Sequence[bytes], stamps: Sequence[HostStamp | None]) -
     """The schedule of the lines by the stamps beside them, where they have some, else by the times in their sentences.
 
     A stamp says when a line came, for lines without a time too. What UTC that was the sentences say; without any the
-    stamps are believed.
+    stamps are believed. Stamps that wander against the sentences by more than half of their period are not used.
     """
     by_stamp = stamped_times(stamps)
     if by_stamp is None:
@@ -105,8 +110,10 @@ def recorded_times(lines: Sequence[bytes], stamps: Sequence[HostStamp | None]) -
     if by_stamp.is_whole:
         _join(at_ns, found)
     first_tod_ms, first_utc_ms = by_stamp.tod_ms, by_stamp.utc_ms
-    if steps.anchors:
-        ahead_ms = [said_ms - at_ns[line] // NS_PER_MS for line, said_ms in steps.anchors]
+    ahead_ms = [said_ms - at_ns[line] // NS_PER_MS for line, said_ms in steps.anchors]
+    if _wanders(ahead_ms, steps.ordinary_ms):
+        return replace(sentence_times(lines), stamps_wander=True)
+    if ahead_ms:
         first_ms = round(median(ahead_ms))
         first_tod_ms = (steps.first_tod_ms + first_ms) % DAY_MS
         if steps.first_utc_ms is not None:
@@ -131,6 +138,12 @@ def recorded_times(lines: Sequence[bytes], stamps: Sequence[HostStamp | None]) -
         dated_by_stamps=steps.first_utc_ms is None and first_utc_ms is not None,
         stamp_ahead_s=_stamp_ahead_s(by_stamp, first_utc_ms, first_tod_ms),
     )
+
+
+def _wanders(ahead_ms: Sequence[int], period_ms: int) -> bool:
+    """True when the distance of two clocks often changes by more than half a period of one from a time to the next."""
+    most_ms = max(LEAST_WANDER_MS, period_ms // 2)
+    return WANDER_SHARE * sum(abs(b - a) > most_ms for a, b in pairwise(ahead_ms)) > len(ahead_ms)
 
 
 def _stamp_ahead_s(by_stamp: StampedTimes, first_utc_ms: int | None, first_tod_ms: int | None) -> float | None:

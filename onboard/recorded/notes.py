@@ -26,6 +26,8 @@ def time_notes(paced: Paced) -> Iterator[str]:
             f"the time stamps are {abs(ahead_s):.0f} s {way} the sentences: they say when lines came, the sentences "
             "say the UTC"
         )
+    if schedule.stamps_wander:
+        yield "the time stamps wander: the sentences say better when their lines came, and are followed"
     for jump in schedule.sets:
         way = "back" if jump.seconds < 0 else "ahead"
         where = f"before line {numbers[jump.line]}"

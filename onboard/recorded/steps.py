@@ -112,10 +112,11 @@ class Steps:
         leading = (item for item in clocks.items if item is not None and item.key == clocks.lead)
         self._is_shuffled = steps_back([item.tod_ms for item in leading if item.tod_ms is not None]) > 0
         forward = [step for a, b in pairwise(self._tods) if (step := tod_step_ms(a, b)) > 0]
-        self._ordinary_ms = round(median(forward)) if forward else DEFAULT_STEP_MS
-        if self._ordinary_ms > LONGEST_STEP_MS and len(forward) <= REACH:
-            self._ordinary_ms = min(forward)  # too few to tell a gap from the rule
-        self.longest_ms = max(LONGEST_STEP_MS, 5 * self._ordinary_ms)
+        self.ordinary_ms = round(median(forward)) if forward else DEFAULT_STEP_MS
+        """The usual step between two times, ms."""
+        if self.ordinary_ms > LONGEST_STEP_MS and len(forward) <= REACH:
+            self.ordinary_ms = min(forward)  # too few to tell a gap from the rule
+        self.longest_ms = max(LONGEST_STEP_MS, 5 * self.ordinary_ms)
         self.sets: tuple[ClockSet, ...] = ()
         """Where the clock was set."""
         self._parts = self._dated(_in_parts(self._beats, self._kept()), clocks)
@@ -156,7 +157,7 @@ class Steps:
         for (before, part), join in zip(pairwise(self._parts), self._joins, strict=True):
             if join.was_set:
                 sets.append(ClockSet(part.beats[0].line, join.step_ms / 1_000))
-            taken_ms = self._ordinary_ms if join.was_set or join.step_ms <= 0 else join.step_ms
+            taken_ms = self.ordinary_ms if join.was_set or join.step_ms <= 0 else join.step_ms
             starts_ms.append(starts_ms[-1] + before.elapsed_ms[-1] + taken_ms)
         self.sets = tuple(sets)
         self.anchors = [

@@ -132,3 +132,21 @@ def test_a_bare_sentence_among_stamped_ones_is_kept(tmp_path: Path) -> None:
     lines = [f"{1_778_580_480 + k} ".encode() * (k % 3 > 0) + HDG for k in range(9)]
     read = read_recording(write(tmp_path, *lines))
     assert (len(read.lines), read.skipped) == (9, {})
+
+
+@pytest.mark.parametrize(
+    ("period_s", "letters", "late_s", "is_used"),
+    [(1.0, 19, 0.0, True), (0.2, 19, 0.0, True), (0.2, 23, 0.0, True), (0.2, 23, 0.6, False)],
+)
+def test_stamps_that_wander_against_the_sentences_are_not_used(
+    period_s: float, letters: int, late_s: float, is_used: bool
+) -> None:
+    lines = []
+    for k in range(50):
+        at = later(seconds=k * period_s + 7.3 + late_s * (k % 7 == 0))
+        stamp = at.isoformat(timespec="milliseconds")[:letters]
+        lines.append(f"{stamp} ".encode() + said("GP", "RMC", later(seconds=k * period_s)))
+    found = stamped(*lines)
+    assert (found.stamped, found.stamps_wander) == (is_used, not is_used)
+    assert found.at_ns == pytest.approx([k * period_s * NS_PER_S for k in range(50)], abs=0.21 * NS_PER_S)
+    assert found.first_utc_ms == pytest.approx(START.timestamp() * 1000, abs=210)
