@@ -37,16 +37,27 @@ class Acquisition:
     """All ports of one boat on their way into frames. Reads no clock: every call brings its time."""
 
     def __init__(
-        self, config: BoatConfig, identity: Identity, t0_ns: int, now_ns: int, tell: Callable[[Event], None]
+        self,
+        config: BoatConfig,
+        identity: Identity,
+        t0_ns: int,
+        now_ns: int,
+        tell: Callable[[Event], None],
+        *,
+        is_archive: bool = False,
     ) -> None:
-        """t0_ns: start of the first frame; tell: takes every event, beside the frame."""
+        """t0_ns: start of the first frame; tell: takes every event, beside the frame.
+
+        is_archive: the lines are of a recording, whose dates may be of past years.
+        """
         self.config = config
         self.identity = identity
         self.framer = Framer(identity, [sensor.id for sensor in config.with_role("imu")], t0_ns)
         wires = {table.name: Wire() for table in config.port}
         self.monitors = {sensor.id: SensorMonitor(sensor, now_ns, wires[sensor.port]) for sensor in config.sensor}
         self.clock_map = ClockMap(self.happened)
-        self.dates = Dates(self.happened, [sensor.id for sensor in config.sensor if sensor.week_rollover])
+        rolled_over = [sensor.id for sensor in config.sensor if sensor.week_rollover]
+        self.dates = Dates(self.happened, rolled_over, is_archive=is_archive)
         self.chains = [
             PortChain(
                 table,

@@ -25,8 +25,11 @@ from common.messages import Frame
 from common.settings import as_dict
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.config import byte_budget, load
+from onboard.devices.nmea_sentence import address
 from onboard.reading.acquisition import Acquisition
 from onboard.reading.port_chain import Tally
+from onboard.reading.utc_clock import UNCERTAINTY_NS
+from onboard.recorded.notes import before_gps, date_note, length_note, time_notes
 from onboard.recorded.recording import BAUDS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 
@@ -37,6 +40,8 @@ AFTER_NS: Final = 2 * NS_PER_S
 """Time for which the frames go on after the last line, ns: its epoch is closed, and health counts it."""
 PROGRESS_LINES: Final = 200_000
 PORT: Final = "recorded"
+OTHER_CLOCK: Final = "another clock"
+"""Why a sentence of another clock of the recording is left out: its fix would have a wrong UTC, or come twice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,26 +74,30 @@ class Conversion:
     def __init__(self, paced: Paced, config: BoatConfig) -> None:
         """Config: one port, and the sensors on it."""
         self._paced = paced
+        self.config = config
         self._period_ns = round(NS_PER_S / config.frames.rate_hz)
         start_ns = (paced.schedule.first_tod_ms or 0) * NS_PER_MS
         self._starts_ns = [whole_us(start_ns + t_ns) for t_ns in paced.starts_ns]
         self._ends_ns = [whole_us(start_ns + t_ns) for t_ns in paced.ends_ns]
         self._tick_ns = (start_ns // self._period_ns + 1) * self._period_ns
         self._t0_ns = self._tick_ns - self._period_ns
-        self._acquisition = Acquisition(config, identity_of(paced, config), self._t0_ns, start_ns, lambda _: None)
+        identity = identity_of(paced, config)
+        self._acquisition = Acquisition(config, identity, self._t0_ns, start_ns, lambda _: None, is_archive=True)
         (self._chain,) = self._acquisition.chains
         self._chain.changed(None, start_ns)
         # A port that was just opened waits for the end of a line; a recording begins with a line.
         self._chain.chunk(b"\n", start_ns)
         self._heard_ns = start_ns
+        self._unused = unused_lines(paced, config)
+        self._utc_less_boat_ns = None if is_doubtful(paced, config) else paced.schedule.utc_less_boat_ns
 
     def greeting(self) -> dict[str, Any]:
         """The fields of `connected`, and what the file was made of."""
         made = {
             "format": FILE_FORMAT,
             "sha256": self._paced.recording.digest,
-            "clock": "utc-time-of-day" if self._paced.timed else "from-zero",
-            "skipped": self._paced.recording.skipped,
+            "clock": "from-zero" if self._paced.schedule.first_tod_ms is None else "utc-time-of-day",
+            "skipped": self.skipped,
         }
         return {**self._acquisition.greeting(self._t0_ns, 1.0), "file": made}
 
@@ -99,6 +108,8 @@ class Conversion:
         for number, (start_ns, end_ns, data) in enumerate(lines):
             if number and number % PROGRESS_LINES == 0:
                 sys.stderr.write(f"{number} of {total} lines ({100 * number // total} %)\n")
+            if number in self._unused:
+                continue
             # Two chunks, as from a port: at a low baud rate a line in progress is what tells a pause from an end.
             yield from self._ticks_to(start_ns)
             self._chain.chunk(data[:1], start_ns)
@@ -108,10 +119,23 @@ class Conversion:
         self._chain.chunk(b"\n", self._heard_ns)
         yield from self._ticks_to(self._heard_ns + AFTER_NS)
 
+    @property
+    def skipped(self) -> dict[str, int]:
+        """Number of lines that the decoders do not see, by reason."""
+        others = {OTHER_CLOCK: len(self._unused)} if self._unused else {}
+        return {**self._paced.recording.skipped, **others}
+
     def summary(self) -> Summary:
         """After the last frame: what became of the lines."""
         tally = self._chain.tally
         return Summary(tally, self._chain.splitter.overflows, self._t0_ns, self._acquisition.framer.t0_ns)
+
+    def _dated(self, frame: Frame) -> Frame:
+        """The frame with the UTC of the whole recording where the pairs of date and time before it say none."""
+        if frame.utc_ns is not None or self._utc_less_boat_ns is None:
+            return frame
+        source, doubt_ns = ("rtc", NS_PER_S) if self._paced.schedule.dated_by_stamps else ("gnss", UNCERTAINTY_NS)
+        return replace(frame, utc_ns=frame.t0_ns + self._utc_less_boat_ns, utc_unc_ns=doubt_ns, utc_src=source)
 
     def _ticks_to(self, t_ns: int) -> Iterator[Frame]:
         """The frames that end at or before `t_ns`."""
@@ -123,8 +147,23 @@ class Conversion:
                     self._acquisition.happened(event("ticks-missed", self._tick_ns, "daemon", count=missed))
                 self._heard_ns = t_ns
             self._chain.flush(self._tick_ns)
-            yield self._acquisition.frame(self._tick_ns)
+            yield self._dated(self._acquisition.frame(self._tick_ns))
             self._tick_ns += self._period_ns
+
+
+def unused_lines(paced: Paced, config: BoatConfig) -> frozenset[int]:
+    """Indices of the lines of other clocks, but for talkers that the configuration gives a receiver of their own."""
+    own = {talker for sensor in config.with_role("gps") for talker in sensor.talkers}
+    unused = paced.schedule.unused
+    if not own:
+        return unused
+    bare = paced.recording.bare
+    return frozenset(line for line in unused if (address(bare[line]) or ("", ""))[0] not in own)
+
+
+def is_doubtful(paced: Paced, config: BoatConfig) -> bool:
+    """True when the date may be that of a receiver that lost its weeks, by itself or by the boat's file."""
+    return before_gps(paced) or any(sensor.week_rollover for sensor in config.sensor)
 
 
 def identity_of(paced: Paced, config: BoatConfig) -> Identity:
@@ -188,15 +227,21 @@ def convert(
     except OSError as error:
         raise WayfixError(f"cannot be written ({error.strerror})", str(target), "check space and rights") from error
     summary = conversion.summary()
-    gaps = [{"line": recording.numbers[gap.line], "seconds": round(gap.seconds, 3)} for gap in paced.schedule.gaps]
+    numbers = paced.recording.numbers
+    date_said = date_note(paced, conversion.config)
+    gaps = [{"line": numbers[gap.line], "seconds": round(gap.seconds, 3)} for gap in paced.schedule.gaps]
     return {
         "out": str(target),
         "frames": count,
         "seconds": (summary.t1_ns - summary.t0_ns) / NS_PER_S,
-        "pace": "sentences" if paced.timed else "baud" if lines_per_second is None else "lines-per-second",
+        "pace": _pace_of(paced, lines_per_second),
         "gaps": gaps,
+        "utc_ms": paced.schedule.first_utc_ms,
+        "utc_less_boat_ns": paced.schedule.utc_less_boat_ns,
+        "clocks": [as_dict(clock) for clock in paced.schedule.clocks],
+        "notes": [*time_notes(paced), *filter(None, [length_note(paced), date_said])],
         "file_lines": recording.total,
-        "skipped": recording.skipped,
+        "skipped": conversion.skipped,
         "lines": summary.lines,
         "accepted": summary.accepted,
         "rejected": dict(sorted(summary.tally.rejected.items())),
@@ -205,6 +250,12 @@ def convert(
         "sensors": [sensor["id"] for sensor in greeting["sensors"]],
         "boot_id": greeting["boot_id"],
     }
+
+
+def _pace_of(paced: Paced, lines_per_second: float | None) -> str:
+    if paced.timed:
+        return "stamps" if paced.schedule.stamped else "sentences"
+    return "baud" if lines_per_second is None else "lines-per-second"
 
 
 def _check_target(source: Path, target: Path) -> None:
@@ -234,6 +285,7 @@ def words(summary: dict[str, Any]) -> Sequence[str]:
         text.append(f"  {name:18} {sum(counts.values()):>8}   {details}")
     text.append(f"  {'all':18} {lines:>8}")
     text += [f"gap of {gap['seconds']:.0f} s before line {gap['line']}" for gap in summary["gaps"]]
+    text += summary["notes"]
     if summary["pace"] == "baud":
         text.append("no times inside: lines follow each other at the baud rate; --lines-per-second X sets another pace")
     text.append(f"{summary['out']}: {summary['frames']} frames, {summary['seconds']:.1f} s")

@@ -7,29 +7,25 @@
    Fix of the GGA alone.
 4. Before the first anchor, after the last one and into a gap, lines follow each other as in the rest of the file.
 
-A step of more than 12 h is taken for one the other way (midnight). What wrong times do:
-
-- A time that the times around it do not agree with is no anchor; up to `REACH` in a row are passed over.
-- A step back that lasts (a clock that was set) is one ordinary step forward. So is a jump ahead of a receiver that had
-  no fix, because its clock was never right. Between fixes a jump ahead is a gap of the recording, however long.
-- A clock that stands still makes no anchor; its lines are spread up to where it goes on.
+Which clock of several the recording goes by: `onboard.recorded.clocks`; what wrong times do: `onboard.recorded.steps`.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
 from typing import Final
 
 from common.units import NS_PER_MS, NS_PER_S
 from onboard.devices.nmea_fields import DAY_MS
-from onboard.recorded.bursts import Burst, bursts
+from onboard.recorded.bursts import Burst, bursts, receiver_line
+from onboard.recorded.clocks import Clocks, OtherClock, clocks_of, ordinary_step_ms, tod_step_ms
+from onboard.recorded.stamps import HostStamp, StampedTimes, stamped_times
+from onboard.recorded.steps import LONGEST_STEP_MS, Anchor, ClockSet, Steps
 
-LONGEST_STEP_MS: Final = 10_000
-"""Longest step between two anchors, ms: a longer one (and longer than five ordinary ones) is a gap or a wrong time."""
-REACH: Final = 5
-"""Most wrong times in a row that are recognised."""
-DEFAULT_STEP_MS: Final = 1_000
+WANDER_SHARE: Final = 20
+"""Time stamps wander when one step in so many is wrong."""
+LEAST_WANDER_MS: Final = 100
 BITS_PER_BYTE: Final = 10
 """Bits on the wire for each byte, 8N1: a start bit, eight data bits and a stop bit."""
 
@@ -50,27 +46,139 @@ class Schedule:
     at_ns: list[int]
     """Time of each line after the first one, ns; never decreasing."""
     first_tod_ms: int | None = None
-    """UTC time of day of the first line; `None` = no time can be found in the recording, and `at_ns` is all 0."""
+    """UTC time of day of the first line; `None` = no time of day can be found in the recording."""
     gaps: tuple[RecordingGap, ...] = ()
+    first_utc_ms: int | None = None
+    """UTC of the first line, ms since 1970; `None` = there is no date in it."""
+    order: tuple[int, ...] | None = None
+    """Where each line, in order of time, stands in the file; `None` = the file is in that order."""
+    clocks: tuple[OtherClock, ...] = ()
+    """The clocks that the recording does not go by."""
+    unused: frozenset[int] = frozenset()
+    """Indices (in order of time) of the lines of other clocks whose sentences are not used."""
+    sets: tuple[ClockSet, ...] = ()
+    """Where the clock was set while it recorded."""
+    stamped: bool = False
+    """True when time stamps beside the lines say when they came."""
+    stamp_ahead_s: float | None = None
+    """How far the stamps are ahead of the UTC in the sentences, s; `None` = there is one of them only."""
 
+    stamps_wander: bool = False
+    """True when there are time stamps that say less of when a line came than the sentences do."""
+    dated_by_stamps: bool = False
+    """True when the date is that of the time stamps: no sentence has one."""
 
-Anchor = tuple[int, int]
-"""Index of a line, and its time in milliseconds after the first anchor's."""
+    @property
+    def utc_less_boat_ns(self) -> int | None:
+        """UTC less the boat clock of a recording, which counts from midnight UTC, ns; `None` = there is no date."""
+        return None if self.first_utc_ms is None else (self.first_utc_ms - (self.first_tod_ms or 0)) * NS_PER_MS
+
+    @property
+    def timed(self) -> bool:
+        """There are times in the recording."""
+        return self.stamped or self.first_tod_ms is not None
 
 
 def sentence_times(lines: Sequence[bytes]) -> Schedule:
-    """The schedule of the lines (line ends removed) of a recording."""
-    found = bursts(lines)
-    steps = _Steps(_changes(found))
-    anchors = steps.anchors()
-    if len(anchors) < 2 or anchors[-1][1] == 0:
-        return Schedule([0] * len(lines))
-    at_ns, gaps = _spread(anchors, len(lines), steps.longest_ms)
+    """The schedule of the lines (line ends removed) of a recording, by the times in its sentences."""
+    clocks, found, steps = _steps_of(lines)
+    order = steps.order(len(lines))
+    if order is None:
+        return _scheduled(len(lines), found, steps, clocks)
+    clocks, found, steps = _steps_of([lines[line] for line in order])
+    return replace(_scheduled(len(lines), found, steps, clocks), order=order)
+
+
+def _steps_of(lines: Sequence[bytes]) -> tuple[Clocks, list[Burst], Steps]:
+    clocks = clocks_of([receiver_line(data) for data in lines])
+    found = bursts(lines, clocks.items, clocks.unused)
+    return clocks, found, Steps(found, clocks)
+
+
+def recorded_times(lines: Sequence[bytes], stamps: Sequence[HostStamp | None]) -> Schedule:
+    """The schedule of the lines by the stamps beside them, where they have some, else by the times in their sentences.
+
+    A stamp says when a line came, for lines without a time too. What UTC that was the sentences say; without any the
+    stamps are believed. Stamps that wander against the sentences by more than half of their period are not used.
+    """
+    by_stamp = stamped_times(stamps)
+    if by_stamp is None:
+        return sentence_times(lines)
+    order = by_stamp.order
+    clocks, found, steps = _steps_of(lines if order is None else [lines[line] for line in order])
+    at_ns = by_stamp.at_ns
+    if by_stamp.is_whole:
+        _join(at_ns, found)
+    first_tod_ms, first_utc_ms = by_stamp.tod_ms, by_stamp.utc_ms
+    ahead_ms = [said_ms - at_ns[line] // NS_PER_MS for line, said_ms in steps.anchors]
+    if _wanders(ahead_ms, steps.ordinary_ms):
+        return replace(sentence_times(lines), stamps_wander=True)
+    if ahead_ms:
+        first_ms = round(median(ahead_ms))
+        first_tod_ms = (steps.first_tod_ms + first_ms) % DAY_MS
+        if steps.first_utc_ms is not None:
+            first_utc_ms = steps.first_utc_ms + first_ms
+        elif first_utc_ms is not None:  # the date of the stamps, the time of day of the sentences
+            first_utc_ms += tod_step_ms(first_utc_ms % DAY_MS, first_tod_ms)
+    longest_ms = max(LONGEST_STEP_MS, 5 * ordinary_step_ms([t_ns // NS_PER_MS for t_ns in at_ns]))
+    gaps = tuple(
+        RecordingGap(line, (b - a) / NS_PER_S)
+        for line, (a, b) in enumerate(pairwise(at_ns), 1)
+        if b - a > longest_ms * NS_PER_MS
+    )
+    return Schedule(
+        at_ns,
+        first_tod_ms,
+        gaps,
+        first_utc_ms,
+        order,
+        clocks.others,
+        clocks.unused,
+        stamped=True,
+        dated_by_stamps=steps.first_utc_ms is None and first_utc_ms is not None,
+        stamp_ahead_s=_stamp_ahead_s(by_stamp, first_utc_ms, first_tod_ms),
+    )
+
+
+def _wanders(ahead_ms: Sequence[int], period_ms: int) -> bool:
+    """True when the distance of two clocks often changes by more than half a period of one from a time to the next."""
+    most_ms = max(LEAST_WANDER_MS, period_ms // 2)
+    return WANDER_SHARE * sum(abs(b - a) > most_ms for a, b in pairwise(ahead_ms)) > len(ahead_ms)
+
+
+def _stamp_ahead_s(by_stamp: StampedTimes, first_utc_ms: int | None, first_tod_ms: int | None) -> float | None:
+    """How far the stamps are ahead of the sentences, s; `None` = the sentences have no time."""
+    if by_stamp.utc_ms is not None and first_utc_ms is not None:
+        return (by_stamp.utc_ms - first_utc_ms) / 1_000
+    if by_stamp.tod_ms is not None and first_tod_ms is not None:
+        return tod_step_ms(first_tod_ms, by_stamp.tod_ms) / 1_000
+    return None
+
+
+def _join(at_ns: list[int], found: Sequence[Burst]) -> None:
+    """The lines of one burst go out together, at the time of its first."""
     for burst in found:
         for line in range(burst.first, burst.last + 1):
             at_ns[line] = at_ns[burst.first]
-    first_tod_ms = (steps.first_tod_ms - (at_ns[anchors[0][0]] - at_ns[0]) // NS_PER_MS) % DAY_MS
-    return Schedule([t_ns - at_ns[0] for t_ns in at_ns], first_tod_ms, gaps)
+
+
+def _scheduled(count: int, found: Sequence[Burst], steps: Steps, clocks: Clocks) -> Schedule:
+    anchors = steps.anchors
+    if len(anchors) < 2 or anchors[-1][1] == 0:
+        return Schedule([0] * count, clocks=clocks.others, unused=clocks.unused)
+    at_ns, gaps = _spread(anchors, count, steps.longest_ms)
+    _join(at_ns, found)
+    head_ms = (at_ns[anchors[0][0]] - at_ns[0]) // NS_PER_MS
+    first_utc_ms = None if steps.first_utc_ms is None else steps.first_utc_ms - head_ms
+    return Schedule(
+        [t_ns - at_ns[0] for t_ns in at_ns],
+        (steps.first_tod_ms - head_ms) % DAY_MS,
+        gaps,
+        first_utc_ms,
+        clocks=clocks.others,
+        unused=clocks.unused,
+        sets=steps.sets,
+    )
 
 
 def without_long_gaps(at_ns: Sequence[int], longest_ns: int) -> list[int]:
@@ -105,82 +213,6 @@ def on_the_wire(at_ns: Sequence[int], sizes: Iterable[int], baud: int) -> list[i
 def time_on_wire_ns(size: int, baud: int) -> int:
     """How long so many bytes take."""
     return size * BITS_PER_BYTE * NS_PER_S // baud
-
-
-def _changes(found: Iterable[Burst]) -> list[tuple[Burst, int]]:
-    """The bursts whose time differs from the one before, with that time."""
-    changes: list[tuple[Burst, int]] = []
-    for burst in found:
-        if burst.tod_ms is not None and (not changes or burst.tod_ms != changes[-1][1]):
-            changes.append((burst, burst.tod_ms))
-    return changes
-
-
-class _Steps:
-    """Which of the times are right, and how far they lie apart."""
-
-    def __init__(self, changes: list[tuple[Burst, int]]) -> None:
-        self._bursts = [burst for burst, _ in changes]
-        self._tods = [tod_ms for _, tod_ms in changes]
-        forward = [step for a, b in pairwise(self._tods) if (step := tod_step_ms(a, b)) > 0]
-        self._ordinary_ms = round(median(forward)) if forward else DEFAULT_STEP_MS
-        if self._ordinary_ms > LONGEST_STEP_MS and len(forward) <= REACH:
-            self._ordinary_ms = min(forward)  # too few to tell a gap from the rule
-        self.longest_ms = max(LONGEST_STEP_MS, 5 * self._ordinary_ms)
-        self.first_tod_ms = 0
-
-    def anchors(self) -> list[Anchor]:
-        """The anchors, as far apart as their times say or, where that cannot be, as an ordinary step."""
-        kept: list[tuple[int, int]] = []  # index, step from the one before
-        for index in range(len(self._tods)):
-            if not kept:
-                kept.append((index, 0))
-                continue
-            step_ms = tod_step_ms(self._tods[kept[-1][0]], self._tods[index])
-            if not 0 <= step_ms <= self.longest_ms:
-                if self._is_outlier(kept[-1][0], index, step_ms):
-                    continue
-                back = self._outliers_before(kept, index, step_ms)
-                if back:
-                    del kept[-back:]
-                    step_ms = tod_step_ms(self._tods[kept[-1][0]], self._tods[index]) if kept else 0
-                elif step_ms < 0 or self._bursts[kept[-1][0]].void:
-                    step_ms = self._ordinary_ms
-            kept.append((index, step_ms))
-        if kept:
-            self.first_tod_ms = self._tods[kept[0][0]]
-        elapsed_ms = 0
-        anchors = []
-        for index, step_ms in kept:
-            elapsed_ms += step_ms
-            anchors.append((self._bursts[index].first, elapsed_ms))
-        return anchors
-
-    def _is_outlier(self, before: int, index: int, step_ms: int) -> bool:
-        """The times after `index` carry on from `before`, or none of them carries on from `index`."""
-        reach = REACH if abs(step_ms) > self.longest_ms else 1
-        after = range(index + 1, min(index + 1 + reach, len(self._tods)))
-        if any(self._carries_on(before, later) for later in after):
-            return True
-        near = range(index + 1, min(index + 1 + REACH, len(self._tods)))
-        return abs(step_ms) > self.longest_ms and not any(self._carries_on(index, later) for later in near)
-
-    def _outliers_before(self, kept: list[tuple[int, int]], index: int, step_ms: int) -> int:
-        """How many of the newest anchors are wrong, because `index` carries on from the one before them."""
-        far = abs(step_ms) > self.longest_ms
-        for back in range(1, min(REACH if far else 1, len(kept) - 1) + 1):
-            if self._carries_on(kept[-1 - back][0], index):
-                return back
-        # A first time that nothing confirms is no beginning to wait hours from.
-        return 1 if far and len(kept) == 1 else 0
-
-    def _carries_on(self, before: int, after: int) -> bool:
-        return 0 < tod_step_ms(self._tods[before], self._tods[after]) <= self.longest_ms
-
-
-def tod_step_ms(before_ms: int, after_ms: int) -> int:
-    """Step from one time of day to another, ms, -12 h to +12 h."""
-    return (after_ms - before_ms + DAY_MS // 2) % DAY_MS - DAY_MS // 2
 
 
 def _spread(anchors: list[Anchor], count: int, longest_ms: int) -> tuple[list[int], tuple[RecordingGap, ...]]:

@@ -21,10 +21,11 @@ from onboard.recorded.line_times import (
     Schedule,
     at_line_rate,
     on_the_wire,
-    sentence_times,
+    recorded_times,
     time_on_wire_ns,
     without_long_gaps,
 )
+from onboard.recorded.stamps import HostStamp, stamp_in, stamp_of_block
 
 MAX_FILE_BYTES: Final = 128 << 20
 """Largest file, bytes: most of a day of a busy 38400 baud port. It is held in memory, and takes some 15 times its size
@@ -39,12 +40,15 @@ _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 """Some editors put it before a text."""
 _LINE_ENDS: Final = b"\r\n"
 _SENTENCE: Final = rb"([$!][^\"\\\r\n$!]*\*[0-9A-Fa-f]{2})"
+_BLOCK: Final = re.compile(rb"\\([^\\\r\n]*)\\([$!][^\r\n]*)[\r\n]*")
+"""A tag block, and the sentence behind it, damaged or not."""
 _WRAPPED: Final = (
-    re.compile(rb'[^\r\n]*"' + _SENTENCE + rb'".*', re.DOTALL),
-    re.compile(rb"\\[^\\\r\n]*\\" + _SENTENCE + rb"\s*"),
-    re.compile(rb"[\[(]?[0-9][0-9TZ :.,;/+-]*[\])]?[ \t,;:]" + _SENTENCE + rb"\s*"),
+    re.compile(rb'([^\r\n]*)"' + _SENTENCE + rb'".*', re.DOTALL),
+    re.compile(rb"([\[(]?(?:[A-Z][a-z]{2} +)*[0-9][0-9TZUC :.,;/+-]*[\])]?)[ \t,;:>|]" + _SENTENCE + rb"\s*"),
 )
-"""Around a sentence: a row of a table, a tag block, a time stamp."""
+"""Before and around a sentence: a row of a table, a time stamp."""
+_BEHIND: Final = re.compile(_SENTENCE + rb"[ \t,;:|]+([\[(]?[0-9][0-9TZUC :.,/+-]*[\])]?)\s*")
+"""A time stamp behind a sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +67,19 @@ class Recording:
     (`no-sentence`)."""
     digest: str
     """SHA-256 of the file, hexadecimal."""
+    stamps: tuple[HostStamp | None, ...]
+    """What was written beside each line to say when it came."""
 
     @property
     def bare(self) -> list[bytes]:
         """The lines without their ends."""
         return [line.strip(_LINE_ENDS) for line in self.lines]
+
+    def in_order(self, order: Sequence[int]) -> "Recording":
+        """The same with its lines in another order."""
+        lines = tuple(self.lines[line] for line in order)
+        numbers, stamps = (tuple(self.numbers[line] for line in order), tuple(self.stamps[line] for line in order))
+        return replace(self, lines=lines, numbers=numbers, stamps=stamps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +103,7 @@ class Paced:
     @property
     def timed(self) -> bool:
         """There are times in it."""
-        return self.schedule.first_tod_ms is not None
+        return self.schedule.timed
 
 
 def read_recording(path: Path) -> Recording:
@@ -108,16 +120,21 @@ def read_recording(path: Path) -> Recording:
     inside = [_unwrapped(piece) for piece in body]
     found = len(inside) - inside.count(None)
     if 2 * found > len(body):
-        # A table: rows without a sentence (its head, a damaged row) were never on the wire.
-        kept = [(line, number) for number, line in enumerate(inside, head + 1) if line is not None]
-        if found < len(body):
-            skipped["no-sentence"] = len(body) - found
+        # A table: rows without a sentence (its head, a damaged row) were never on the wire; a bare sentence was.
+        kept = [
+            (line or (piece, None), number)
+            for number, (line, piece) in enumerate(zip(inside, body, strict=True), head + 1)
+            if line is not None or piece.lstrip(_LINE_ENDS)[:1] in (b"$", b"!")
+        ]
+        if len(kept) < len(body):
+            skipped["no-sentence"] = len(body) - len(kept)
     else:
-        kept = [(line, number) for number, line in enumerate(body, head + 1)]
+        kept = [((piece, None), number) for number, piece in enumerate(body, head + 1)]
     if not kept:
         raise WayfixError("there are only comments in it", str(path), "give a recording of a serial port")
-    lines, numbers = zip(*kept, strict=True)
-    return Recording(path, lines, numbers, len(pieces), skipped, hashlib.sha256(data).hexdigest())
+    stamped, numbers = zip(*kept, strict=True)
+    lines, stamps = zip(*stamped, strict=True)
+    return Recording(path, lines, numbers, len(pieces), skipped, hashlib.sha256(data).hexdigest(), stamps)
 
 
 def pace(
@@ -132,8 +149,10 @@ def pace(
     Without `baud`: `least_baud`, or the lowest of `BAUDS` above it that carries the lines.
     """
     bare = recording.bare
-    schedule = sentence_times(bare)
-    if schedule.first_tod_ms is None and lines_per_second is not None:
+    schedule = recorded_times(bare, recording.stamps)
+    if schedule.order is not None:
+        recording = recording.in_order(schedule.order)
+    if not schedule.timed and lines_per_second is not None:
         schedule = replace(schedule, at_ns=at_line_rate(len(bare), lines_per_second))
     if longest_gap_s is not None:
         schedule = replace(schedule, at_ns=without_long_gaps(schedule.at_ns, round(longest_gap_s * 1e9)))
@@ -155,13 +174,18 @@ def _lag_ns(at_ns: Sequence[int], starts_ns: Sequence[int]) -> int:
     return max(waits, default=0)
 
 
-def _unwrapped(piece: bytes) -> bytes | None:
+def _unwrapped(piece: bytes) -> tuple[bytes, HostStamp | None] | None:
+    """The sentence in a line of a log, and the time beside it; `None` = nothing stands around a sentence."""
+    if match := _BEHIND.fullmatch(piece):
+        stamp = stamp_in(match[2].decode("ascii"))
+        return None if stamp is None else (match[1] + _LINE_ENDS, stamp)
     if piece[:1] in b"$!":
         return None
+    if match := _BLOCK.fullmatch(piece):
+        return match[2] + _LINE_ENDS, stamp_of_block(match[1].decode("latin-1"))
     for pattern in _WRAPPED:
-        match = pattern.fullmatch(piece)
-        if match is not None:
-            return match[1] + _LINE_ENDS
+        if match := pattern.fullmatch(piece):
+            return match[2] + _LINE_ENDS, stamp_in(match[1].decode("latin-1"))
     return None
 
 

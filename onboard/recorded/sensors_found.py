@@ -33,9 +33,14 @@ def sensors_in(paced: Paced) -> tuple[Found, ...]:
 
     Of several models the one that accepts most lines, the first of the registry among equals. All talkers are one
     sensor: a second receiver or compass in the same stream needs a configuration of one's own with `talkers`.
+    Sentences of other clocks (`onboard.recorded.clocks`) are left out.
     A recording without any known line gets a receiver, so that the daemon has something to count refusals for.
     """
-    lines = [Line(*line) for line in zip(paced.starts_ns, paced.recording.bare, paced.ends_ns, strict=True)]
+    lines = [
+        Line(*line)
+        for number, line in enumerate(zip(paced.starts_ns, paced.recording.bare, paced.ends_ns, strict=True))
+        if number not in paced.schedule.unused
+    ]
     found = [Found(role, model, None) for role, model in recognised_by_role(lines).items()]
     tables = sensor_tables(found, "")
     # Again, together: of two drivers that would take the same lines the first has them.

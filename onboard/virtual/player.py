@@ -10,7 +10,9 @@ from typing import Any
 from common.boat_config import BoatConfig, BoatTable, LinkTable, PortTable, SensorTable
 from common.errors import WayfixError
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.recorded.line_times import tod_step_ms
+from onboard.recorded.clocks import tod_step_ms
+from onboard.recorded.line_times import Schedule
+from onboard.recorded.notes import time_notes
 from onboard.recorded.recording import LAG_NS, Paced, pace, read_recording
 from onboard.recorded.sensors_found import port_budget, sensor_tables, sensors_in
 from onboard.virtual.baud_pacing import SerialLine
@@ -110,6 +112,8 @@ class Player:
     def _tell(self) -> None:
         """What a person should know before he waits."""
         for name, item in self._paced.items():
+            for note in time_notes(item):
+                _say(f"{name}: {note}")
             for gap in item.schedule.gaps:
                 if gap.seconds > TOLD_GAP_S:
                     line = item.recording.numbers[gap.line]
@@ -128,12 +132,18 @@ def offsets_ns(paced: Sequence[Paced]) -> list[int]:
         return [0] * len(paced)
     begins: list[int | None] = []
     for item in paced:
-        tod_ms = item.schedule.first_tod_ms
-        step_ns = 0 if tod_ms is None else tod_step_ms(reference.schedule.first_tod_ms, tod_ms) * NS_PER_MS
+        step_ns = _apart_ms(reference.schedule, item.schedule) * NS_PER_MS
         overlaps = step_ns <= reference.schedule.at_ns[-1] and step_ns + item.schedule.at_ns[-1] >= 0
-        begins.append(step_ns if tod_ms is not None and overlaps else None)
+        begins.append(step_ns if item.schedule.first_tod_ms is not None and overlaps else None)
     earliest = min(begin for begin in begins if begin is not None)
     return [0 if begin is None else begin - earliest for begin in begins]
+
+
+def _apart_ms(reference: Schedule, schedule: Schedule) -> int:
+    """How much later than the reference a recording begins, ms: by their dates where both have one."""
+    if reference.first_utc_ms is not None and schedule.first_utc_ms is not None:
+        return schedule.first_utc_ms - reference.first_utc_ms
+    return tod_step_ms(reference.first_tod_ms or 0, schedule.first_tod_ms or 0)
 
 
 def _port_names(files: Sequence[Path]) -> list[str]:

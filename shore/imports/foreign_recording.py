@@ -8,6 +8,7 @@ from typing import Final
 from common.boat_config import BoatConfig
 from common.codec import encode_frame
 from common.errors import WayfixError
+from common.messages import Fix
 from common.settings import read_toml
 from common.units import NS_PER_MS, NS_PER_S
 from shore.imports import frames as cut
@@ -19,6 +20,7 @@ from shore.imports.progress import bytes_shown
 from shore.imports.reader import RecordingReader, digest_of
 from shore.imports.recognise import RecordingKind
 from shore.imports.record_times import NO_TIME, Plan
+from shore.imports.source_clocks import SourceClocks
 
 PACE_HZ: Final = 1.0
 """Pace of JSON records without any time, Hz."""
@@ -36,10 +38,13 @@ class ForeignRecording:
         job.digest = digest_of(job.source)
         self._size = job.source.stat().st_size
         self._given = None if job.options.config is None else read_toml(job.options.config, BoatConfig)
-        times = array("q")
+        times, self._clocks = array("q"), SourceClocks()
         with bytes_shown("reading", self._size) as progress:
             self._first = make(progress)
-            self._rates = cut.survey(_first_pass(self._first, times))
+            self._rates = cut.survey(_first_pass(self._first, times, self._clocks))
+        if self._first.is_utc:
+            self._clocks.align(times)
+            job.notes += self._clocks.words()
         mapping = self._first.mapping.time if isinstance(self._first, ColumnReader) else None
         pace_hz = job.options.lines_per_second or PACE_HZ
         spread = mapping is not None and mapping.spread
@@ -108,12 +113,14 @@ class ForeignRecording:
                 reader.leave_out(record, "wrong" if number in plan.doubted else "no time")
                 continue
             shift_ns, epoch = plan.shift_ns(number), plan.epoch(number)
-            for measurement in reader.measure(record, t_ns):
+            for measurement in reader.measure(self._clocks.aligned(record), t_ns):
                 yield cut.Placed(measurement, shift_ns, epoch)
 
 
-def _first_pass(reader: RecordingReader, times: "array[int]") -> Iterator[cut.Placed]:
+def _first_pass(reader: RecordingReader, times: "array[int]", clocks: SourceClocks) -> Iterator[cut.Placed]:
     for record in reader.records():
         times.append(NO_TIME if record.t_ns is None else record.t_ns)
-        for measurement in reader.measure(record, record.t_ns or 0):
+        measured = list(reader.measure(record, record.t_ns or 0))
+        clocks.note(record.source, sum(isinstance(item, Fix) and item.lat_deg is not None for item in measured))
+        for measurement in measured:
             yield cut.Placed(measurement, 0, 0)

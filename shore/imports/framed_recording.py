@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from common.boat_config import BoatConfig
 from common.codec import decode_frame
@@ -11,6 +11,7 @@ from common.errors import CodecError, WayfixError
 from common.framer import ImuSample, Measurement
 from common.messages import Frame
 from common.settings import convert
+from common.units import NS_PER_S
 from shore.imports.job import Job
 from shore.imports.line_counts import Account
 from shore.imports.log_maker import LogMaker, Written
@@ -20,6 +21,10 @@ from shore.imports.reader import digest_of
 from shore.imports.recognise import RecordingKind
 from shore.imports.recording_date import utc_offset_ns
 from shore.logbook.log_reader import LogReader
+
+REPAIRED_NS: Final = 512 * 7 * 86_400 * NS_PER_S
+"""A UTC of the frames that is further than this, half the turn of a GPS week number, from the recording's was repaired,
+ns."""
 
 
 class FramedFile(Protocol):
@@ -84,14 +89,29 @@ class _Extent:
 class FramedRecording:
     """A recording of which there are frames."""
 
-    def __init__(self, job: Job, file: FramedFile, hint_ns: int | None = None, count: int | None = None) -> None:
-        """hint_ns: UTC of the first line where nothing else gives it; count: of the frames, for the bar."""
+    def __init__(
+        self,
+        job: Job,
+        file: FramedFile,
+        hint_ns: int | None = None,
+        count: int | None = None,
+        utc_less_boat_ns: int | None = None,
+    ) -> None:
+        """hint_ns: UTC of the first line where nothing else gives it; count: of the frames, for the bar.
+
+        utc_less_boat_ns: by the leading clock of the recording; where the frames say a wholly different UTC (a week
+        rollover that was repaired), these are believed.
+        """
         self._job = job
         self._file = file
         self._count = count
         job.digest = digest_of(job.source)
         first = next(_decoded(file.frames()), None)
         self._offset_ns = utc_offset_ns(_decoded(file.frames()))
+        if utc_less_boat_ns is not None and (
+            self._offset_ns is None or abs(self._offset_ns - utc_less_boat_ns) < REPAIRED_NS
+        ):
+            self._offset_ns = utc_less_boat_ns
         if self._offset_ns is None and hint_ns is not None and first is not None:
             self._offset_ns = hint_ns - first.t0_ns
 

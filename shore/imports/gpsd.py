@@ -98,7 +98,7 @@ class GpsdReader:
             self.account.ignored["TPV without a value"] += 1
             return None
         try:
-            return ForeignRecord(utc_ns_of(content.get("time")), content)
+            return ForeignRecord(utc_ns_of(content.get("time")), content, str(content.get("device", "")))
         except Rejected as reason:
             self.account.rejected[f"{kind} {reason}"] += 1
             return None

@@ -18,6 +18,8 @@ class ForeignRecord(NamedTuple):
     t_ns: int | None
     """The record's own time (UTC, or counted from any moment), ns in whole us; `None` = it has none."""
     content: Any
+    source: str = ""
+    """Device or source whose clock gave the time; empty = the only one."""
 
 
 class RecordingReader(Protocol):

@@ -99,9 +99,6 @@ def _from_serial(job: Job, stack: ExitStack, source: Path, log: serial_port.Serv
         given += [] if value is None else [name, str(value)]
     try:
         summary = serial_port.convert(source, frames, given, say)
-        if log is not None and summary["pace"] == "baud" and log.lines_per_second is not None:
-            given += ["--lines-per-second", repr(log.lines_per_second)]
-            summary = serial_port.convert(source, frames, given, say)
     except WayfixError as error:
         raise WayfixError(str(error).replace(str(source), str(job.source))) from error
     account = serial_port.account_of(summary)
@@ -111,10 +108,13 @@ def _from_serial(job: Job, stack: ExitStack, source: Path, log: serial_port.Serv
     job.accounts = (account,)
     job.facts["pace"] = summary["pace"]
     job.facts["gaps"] = summary["gaps"]
+    job.facts["clocks"] = summary["clocks"]
+    job.notes += summary["notes"]
     if summary["pace"] == "baud":
         job.notes.append("no times inside: lines follow each other at the baud rate; --lines-per-second X sets another")
     file = stack.enter_context(FramesFile(frames))
-    return FramedRecording(job, file, None if log is None else log.first_ns, summary["frames"])
+    hint_ns = None if log is None else log.first_ns
+    return FramedRecording(job, file, hint_ns, summary["frames"], summary["utc_less_boat_ns"])
 
 
 def _directory(stack: ExitStack) -> Path:

@@ -5,10 +5,13 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import reduce
+from operator import xor
 from pathlib import Path
 from typing import Any
 
 from common.errors import WayfixError
+from common.units import NS_PER_MS
 from shore.imports.line_counts import Account, Rejected
 from shore.imports.reader import Lines
 from shore.imports.recognise import SERVER_LINE
@@ -60,7 +63,7 @@ def account_of(summary: dict[str, Any]) -> Account:
 
 
 class ServerLog:
-    """The sentences in a Signal K server's log, written out as a recording of a port."""
+    """The sentences in a Signal K server's log, written out as a recording of a port with the server's time stamps."""
 
     def __init__(self, source: Path, target: Path) -> None:
         """Reads `source`, writes its sentences to `target`."""
@@ -70,19 +73,11 @@ class ServerLog:
         self.providers: Counter[str] = Counter()
         self.first_ns: int | None = None
         """Time of the first sentence by the server's clock, ns since 1970; `None` = there was none."""
-        self._last_ns: int | None = None
         with target.open("wb") as stream:
             for line in Lines(source):
                 payload = self._payload(line)
                 if payload is not None:
                     stream.write(payload.encode(errors="replace") + b"\r\n")
-
-    @property
-    def lines_per_second(self) -> float | None:
-        """Pace of the sentences, lines a second; `None` where their times do not show it."""
-        if self.first_ns is None or self._last_ns is None or self._last_ns <= self.first_ns:
-            return None
-        return min(1e5, max(1e-3, (self.sentences - 1) * 1e9 / (self._last_ns - self.first_ns)))
 
     def _payload(self, line: str) -> str | None:
         match = SERVER_LINE.match(line)
@@ -103,7 +98,12 @@ class ServerLog:
             self.rejected[str(reason)] += 1
             return None
         self.first_ns = t_ns if self.first_ns is None else self.first_ns
-        self._last_ns = t_ns
         self.sentences += 1
         self.providers[match[2]] += 1
-        return payload
+        return payload if payload.startswith("\\") else f"{_tag_block(t_ns)}{payload}"
+
+
+def _tag_block(t_ns: int) -> str:
+    r"""The tag block of a time (NMEA 4.10): `\c:1796040000000*50\`, ms since 1970."""
+    text = f"c:{t_ns // NS_PER_MS}"
+    return f"\\{text}*{reduce(xor, text.encode(), 0):02X}\\"

@@ -98,7 +98,7 @@ class SignalKReader:
                 open_moments.setdefault(update.source, SourceValues(update.source, update.t_ns))
                 yield from self._merge(open_moments, update, values)
         for moment in sorted(open_moments.values(), key=lambda moment: moment.t_ns or 0):
-            yield ForeignRecord(moment.t_ns, moment)
+            yield ForeignRecord(moment.t_ns, moment, moment.source)
 
     def _merge(
         self, open_moments: dict[str, SourceValues], update: _Update, values: dict[str, Any]
@@ -106,7 +106,7 @@ class SignalKReader:
         """Add an update's values to the open moment; another value of a path it has already opens the next one."""
         moment = open_moments[update.source]
         if any(path in moment.values and moment.values[path] != value for path, value in values.items()):
-            yield ForeignRecord(moment.t_ns, moment)
+            yield ForeignRecord(moment.t_ns, moment, moment.source)
             moment = open_moments[update.source] = SourceValues(update.source, update.t_ns)
         for path, value in values.items():
             if path in moment.values:
@@ -124,7 +124,7 @@ class SignalKReader:
                 self.account.rejected[f"{path} {reason}"] += 1
                 continue
             self.account.taken[path] += 1
-        yield from self._fixes(moment, good, t_ns)
+        yield from self._fixes(record, good, t_ns)
         yield from self._motions(moment.source, good, t_ns)
 
     def leave_out(self, record: ForeignRecord, reason: str) -> None:
@@ -158,21 +158,21 @@ class SignalKReader:
                 found[name] = entry["value"]
         return found
 
-    def _fixes(self, moment: SourceValues, good: dict[str, Any], t_ns: int) -> Iterator[Measurement]:
+    def _fixes(self, record: ForeignRecord, good: dict[str, Any], t_ns: int) -> Iterator[Measurement]:
         place, sog_kn, cog_deg = (good.get(path) for path in PATHS[:3])
         if place is None and sog_kn is None and cog_deg is None:
             return
         lat_deg, lon_deg, alt_m = place or (None, None, None)
         yield Fix(
-            sensor=self.sources.id_of("gps", moment.source),
+            sensor=self.sources.id_of("gps", record.source),
             t_ns=t_ns,
             lat_deg=lat_deg,
             lon_deg=lon_deg,
             alt_m=alt_m,
             sog_kn=sog_kn,
             cog_true_deg=cog_deg,
-            utc_ns=moment.t_ns,
-            tod_ms=None if moment.t_ns is None else moment.t_ns // NS_PER_MS % DAY_MS,
+            utc_ns=record.t_ns,
+            tod_ms=None if record.t_ns is None else record.t_ns // NS_PER_MS % DAY_MS,
         )
 
     def _motions(self, source: str, good: dict[str, Any], t_ns: int) -> Iterator[Measurement]:
@@ -204,7 +204,7 @@ def _closed(open_moments: dict[str, SourceValues], update: _Update) -> Iterator[
     closing = {moment.source: moment for moment in (*over, *earlier)}
     for moment in sorted(closing.values(), key=lambda moment: moment.t_ns or 0):
         del open_moments[moment.source]
-        yield ForeignRecord(moment.t_ns, moment)
+        yield ForeignRecord(moment.t_ns, moment, moment.source)
 
 
 def _is_over(moment: SourceValues, update: _Update) -> bool:

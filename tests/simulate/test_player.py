@@ -171,3 +171,19 @@ def test_only_the_beginning_of_a_recording_without_times(tmp_path: Path) -> None
     player = Player([source], baud=4800, seconds=1.0)
     played = sum(len(line.data) for line in player.lines(0, 1.0)["a"])
     assert 480 <= played <= 480 + len(HDG) + 2
+
+
+def test_a_clock_that_the_recording_does_not_go_by_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    local = [sealed(f"IIZDA,{2 + t // 3600:02}00{t:02}.00,16,04,2014,00,00") for t in range(20)]
+    lines = [line for t in range(20) for line in (gga(t), rmc(t), local[t])]
+    player = Player([write(tmp_path, "plotter.log", *lines)])
+    assert player.ready(tmp_path)["seconds"] < 20
+    said = "plotter: IIZDA gives local time, 2 h 00 min ahead of GPRMC: its 20 sentences are not used\n"
+    assert capsys.readouterr().err == said
+
+
+def test_files_of_two_days_do_not_overlap(tmp_path: Path) -> None:
+    one = write(tmp_path, "a.log", *(line for t in range(20) for line in second(t)))
+    lines = [line for t in range(5, 25) for line in second(t)]
+    other = write(tmp_path, "b.log", *(sealed(line[1:-3].decode().replace("160414", "170414")) for line in lines))
+    assert Player([one, other]).ready(tmp_path)["seconds"] < 21

@@ -195,7 +195,7 @@ def test_old_recordings_have_the_time_of_their_fixes(importer: Importer) -> None
     old = "\n".join(sealed(line[:-2]) for line in NMEA.replace("141124", "141110").split("\r\n"))
     imported = importer.text(old)
     assert imported.summary["utc"] == "2010-11-14T12:00:00+00:00"
-    assert {frame.utc_src for frame in imported.frames} == {"none"}
+    assert {frame.utc_src for frame in imported.frames} == {"gnss"}
 
 
 def test_with_a_configuration_its_sensors_hold(importer: Importer) -> None:

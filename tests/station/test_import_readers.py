@@ -171,6 +171,15 @@ def test_a_server_log_tells_the_pace_of_sentences_without_times(importer: Import
     assert imported.summary["utc"] == "2023-11-14T22:13:20+00:00"
 
 
+def test_a_server_log_tells_when_each_sentence_came(importer: Importer) -> None:
+    lines = [f"{1_700_000_000_000 + at};;{sealed('$HCHDM,090.0,M*')}" for at in (0, 100, 5_000, 5_100)]
+    imported = importer.text("\n".join(lines))
+    first_ns = imported.headings[0].t_ns
+    assert [heading.t_ns - first_ns for heading in imported.headings] == [
+        at * 1_000_000 for at in (0, 100, 5_000, 5_100)
+    ]
+
+
 def test_a_server_log_of_deltas_has_one_clock_for_all_sources(importer: Importer) -> None:
     lines = [
         "1700000000000;I;" + delta(30, "a", position={"latitude": 1.0, "longitude": 2.0}),

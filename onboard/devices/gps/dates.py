@@ -6,6 +6,9 @@ Such a date is repaired, +1024 or +2048 weeks, only where the result is proved: 
 (another receiver, or itself before its turn), or by the board's file, whose owner knows the receiver. A daemon alone
 cannot tell it from an old recording that is played, so else it is offered in words and not used. What is repaired says
 so in `source`, and `utc_src` stays `gnss`: all but the turn is the receiver's own.
+
+An archive (`convert`, `wayfix import`) may be of any year since GPS was complete: its dates are believed as they are,
+unless they contradict the recording's own by a turn.
 """
 
 import re
@@ -23,6 +26,8 @@ from onboard.devices.nmea_fields import FieldFault
 
 EARLIEST_UTC_NS: Final = 1_704_067_200 * NS_PER_S
 """2024-01-01, ns since 1970, before this program was first released: no boat that runs it can be earlier."""
+EARLIEST_ARCHIVE_NS: Final = 788_918_400 * NS_PER_S
+"""1995-01-01, ns since 1970: GPS was declared complete in 1995, and logs of before are rarer than lost weeks."""
 LATEST_UTC_NS: Final = 3_471_292_800 * NS_PER_S
 """2080-01-01, ns since 1970: `80` is GPS's year 1980, which a receiver without a date gives."""
 ROLLOVER_NS: Final = 1024 * 7 * 86_400 * NS_PER_S
@@ -75,9 +80,15 @@ def _date(year: int, month: int, day: int) -> date:
 class Dates:
     """Judges every pair before it goes into a frame or into the mapping."""
 
-    def __init__(self, tell: Callable[[Event], None], rolled_over: Collection[str] = ()) -> None:
-        """tell: takes the event of an odd date, once for each sensor; rolled_over: sensors to be repaired."""
+    def __init__(
+        self, tell: Callable[[Event], None], rolled_over: Collection[str] = (), *, is_archive: bool = False
+    ) -> None:
+        """tell: takes the event of an odd date, once for each sensor; rolled_over: sensors to be repaired.
+
+        is_archive: a recording is read, of whatever year.
+        """
         self._tell = tell
+        self._is_archive = is_archive
         self._rolled_over = frozenset(rolled_over)
         self._odd: Counter[tuple[str, str]] = Counter()
         """Number of odd pairs in a row, by sensor and event code."""
@@ -85,10 +96,11 @@ class Dates:
 
     def judge(self, pair: ClockPair, known: Utc) -> ClockPair | None:
         """The pair as it may be used, repaired perhaps, or None; known: UTC of the same boat time as mapped so far."""
-        if EARLIEST_UTC_NS <= pair.utc_ns < LATEST_UTC_NS:
+        met = _met(pair, known) if self._is_archive else None
+        if EARLIEST_UTC_NS <= pair.utc_ns < LATEST_UTC_NS or (met is None and self._is_of_archive(pair)):
             self._note(pair, None)
             return pair
-        later = _repaired(pair)
+        later = met or _repaired(pair)
         if later is None:
             self._note(pair, "date-refused", date=_text(pair))
             return None
@@ -98,6 +110,11 @@ class Dates:
             return later
         self._note(pair, "week-rollover", date=_text(pair), later=_text(later))
         return None
+
+    def _is_of_archive(self, pair: ClockPair) -> bool:
+        """A past date that may be right: the owner of the receiver names no lost weeks."""
+        is_past = EARLIEST_ARCHIVE_NS <= pair.utc_ns < EARLIEST_UTC_NS
+        return self._is_archive and is_past and pair.sensor not in self._rolled_over
 
     def _note(self, pair: ClockPair, code: str | None, **evidence: str) -> None:
         for key in [key for key in self._odd if key[0] == pair.sensor and key[1] != code]:
@@ -113,11 +130,20 @@ class Dates:
 
 def _repaired(pair: ClockPair) -> ClockPair | None:
     """The pair after one turn of the weeks, else after two; `None` = neither date can be."""
-    for turns in (1, 2):
-        utc_ns = pair.utc_ns + turns * ROLLOVER_NS
-        if EARLIEST_UTC_NS <= utc_ns < LATEST_UTC_NS:
-            return replace(pair, utc_ns=utc_ns, source=f"{pair.source}+{1024 * turns}w")
-    return None
+    turned = (_turned(pair, turns) for turns in (1, 2))
+    return next((later for later in turned if EARLIEST_UTC_NS <= later.utc_ns < LATEST_UTC_NS), None)
+
+
+def _met(pair: ClockPair, known: Utc) -> ClockPair | None:
+    """The pair after one turn or two where that meets the known UTC."""
+    turned = (_turned(pair, turns) for turns in (1, 2))
+    return next(
+        (later for later in turned if known.utc_ns is not None and abs(later.utc_ns - known.utc_ns) <= MET_NS), None
+    )
+
+
+def _turned(pair: ClockPair, turns: int) -> ClockPair:
+    return replace(pair, utc_ns=pair.utc_ns + turns * ROLLOVER_NS, source=f"{pair.source}+{1024 * turns}w")
 
 
 def _text(pair: ClockPair) -> str:
