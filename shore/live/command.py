@@ -63,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -> int:
+    from shore.live.earlier_trips import complete_trips
     from shore.live.run import LiveRun, StopFlag
 
     address, boat = meet(arguments, boats)
@@ -80,6 +81,8 @@ def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -
             raise
         finally:
             link.close()
+    if live.log_path is not None:
+        complete_trips(live.log_path.parent, say)
     counts = {"received": tally.received, "missing": tally.missing}
     fault = None if live.log_fault is None else str(live.log_fault)
     if fault is not None:

@@ -17,6 +17,7 @@ from common.errors import CodecError, WayfixError
 from shore.link.frame_ledger import Ledger, StartLedger
 from shore.logbook.lock import is_being_written, lock
 from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import late_logs
 from shore.logbook.schemas import FRAMES
 
 FORM: Final = 1
@@ -78,7 +79,9 @@ class Cursor:
             say(f"{self._path}: not readable; the boat is taken for a new one, and frames are asked for from now on")
             return Ledger()
         if log.exists():
-            _add_newer(ledger, log, since_ns)
+            _add_newer(ledger, log, since_ns, self._boat_id)
+        for _, late in late_logs(self._path.parent):  # of a station that was killed before it put them into the trip
+            _add_newer(ledger, late, 0, self._boat_id)
         return ledger
 
 
@@ -91,15 +94,19 @@ def _ledger_of(record: Any) -> Ledger:
         for name, seqs in (("seen", start.seen), ("gone", start.gone)):
             for first, last in item[name]:
                 seqs.add(int(first), int(last))
+        start.trips += [(int(first), str(name)) for first, name in item.get("trips", ())]
         starts.append(start)
+    if starts and not any(start.trips for start in starts):  # a cursor of an earlier Wayfix names the last trip alone
+        starts[-1].trips.append((starts[-1].first, str(record["log"])))
     return Ledger(starts)
 
 
-def _add_newer(ledger: Ledger, log: Path, since_ns: int) -> None:
+def _add_newer(ledger: Ledger, log: Path, since_ns: int, boat_id: str) -> None:
     for record in read_log(log).records(FRAMES):
         if record.log_time_ns >= since_ns:
             try:
                 frame = decode_frame(record.data)
             except CodecError:
                 continue
-            ledger.take(frame.boot_id, frame.first, frame.seq)
+            if frame.boat_id == boat_id:
+                ledger.take(frame.boot_id, frame.first, frame.seq)

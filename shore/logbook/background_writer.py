@@ -53,10 +53,11 @@ class LogRecorder:
             self._say(f"error: log: {error}; the run goes on without a log")
             self._end()
 
-    def sync(self, then: Callable[[], None], *, wait: bool = False) -> None:
-        """Put on the disk what is written so far, then call `then` (in another thread; its OSError is no matter).
+    def sync(self, then: Callable[[], Callable[[], None]] | None = None, *, wait: bool = False) -> None:
+        """Put on the disk what is written so far.
 
-        Returns at once, and does nothing while the disk still works on the sync before, unless it is to wait for that.
+        then: is asked for what to do behind that, in another thread, where its OSError is no matter. Returns at once,
+        and does nothing while the disk still works on the sync before, unless it is to wait for that.
         """
         if wait or self._syncing is None or self._syncing.done():
             self.write(lambda writer: self._sync(writer, then))
@@ -68,15 +69,16 @@ class LogRecorder:
         self._writer = None
         self._worker.shutdown()
 
-    def _sync(self, writer: LogWriter, then: Callable[[], None]) -> None:
+    def _sync(self, writer: LogWriter, then: Callable[[], Callable[[], None]] | None) -> None:
         self._finish_sync(writer)
-        flushed = writer.flush()
+        flushed, after = writer.flush(), then() if then is not None else None
         self._since_ns = boottime_ns()
 
         def work() -> None:
             os.fsync(flushed)
-            with suppress(OSError):
-                then()
+            if after is not None:
+                with suppress(OSError):
+                    after()
 
         self._syncing = self._worker.submit(work)
 

@@ -35,6 +35,9 @@ from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, FRAMES, LINK, POSITI
 from shore.logbook.summary import TripSummary
 
 _LARGEST_TIME: Final = 2**64 - 1
+LATE: Final = "-late"
+"""Behind the name of a trip: frames of it that came after its end, until they are put into its log."""
+_LATE_NAME: Final = re.compile(rf"(?P<trip>.+){LATE}(-\d+)?\.mcap")
 
 
 class LogWriter:
@@ -181,7 +184,7 @@ def new_log(directory: Path, boat_id: str, utc_ns: int) -> LogWriter:
     """Make `directory` if need be and begin `<UTC start>-<boat_id>.mcap` in it; raises WayfixError."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        file = _new_file(directory, boat_id, utc_ns)
+        file = _new_file(directory, _stem(boat_id, utc_ns))
     except OSError as error:
         cure = "give a directory you may write to"
         raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
@@ -198,9 +201,27 @@ def log_at(path: Path) -> LogWriter:
         raise WayfixError(f"cannot be written ({error.strerror})", str(path), "check space and rights") from error
 
 
-def _new_file(directory: Path, boat_id: str, utc_ns: int) -> FileIO:
+def late_log(trip: Path) -> LogWriter:
+    """Begin `<trip>-late.mcap` beside the log of a trip, for what comes after its end; raises WayfixError."""
+    try:
+        trip.parent.mkdir(parents=True, exist_ok=True)
+        return LogWriter(_new_file(trip.parent, f"{trip.stem}{LATE}"))
+    except OSError as error:
+        raise WayfixError(f"no log can be written here ({error.strerror})", str(trip.parent), "check space") from error
+
+
+def late_logs(directory: Path) -> list[tuple[Path, Path]]:
+    """The logs of late frames in a directory, each behind the path of the trip that it belongs to. Raises OSError."""
+    found = [(path, _LATE_NAME.fullmatch(path.name)) for path in sorted(directory.glob(f"*{LATE}*.mcap"))]
+    return [(path.with_name(f"{match['trip']}.mcap"), path) for path, match in found if match]
+
+
+def _stem(boat_id: str, utc_ns: int) -> str:
     start = datetime.fromtimestamp(utc_ns // NS_PER_S, UTC).strftime("%Y%m%dT%H%M%SZ")
-    stem = f"{start}-{re.sub(r'[^A-Za-z0-9_-]+', '_', boat_id)}"
+    return f"{start}-{re.sub(r'[^A-Za-z0-9_-]+', '_', boat_id)}"
+
+
+def _new_file(directory: Path, stem: str) -> FileIO:
     number = 1
     while True:
         path = directory / (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap")

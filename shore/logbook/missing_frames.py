@@ -35,6 +35,8 @@ class Census:
         self._seen: dict[str, SeqSet] = {}
         self._highest: dict[str, int] = {}
         self._is_after_loss: set[str] = set()
+        self._lacks: list[tuple[str, int, int]] = []
+        """What the station said that it lacked at the end of the trip: (boot_id, first, last)."""
         self._holes: dict[str, list[tuple[int, int]]] = {}
         """Ranges [first, last] of the frame numbers that are absent where the file lost something, by boot_id."""
 
@@ -57,6 +59,14 @@ class Census:
         self._begins[boot_id] = min(first, self._begins.get(boot_id, first))
         self._seen.setdefault(boot_id, SeqSet()).add(first, last)
 
+    def lacks(self, ranges: Any) -> None:
+        """Take what a station lacked when it wrote this, as [boot_id, first, last] each; the last word holds."""
+        self._lacks = [(str(boot_id), int(first), int(last)) for boot_id, first, last in ranges]
+
+    def holds(self, frame: Frame) -> bool:
+        """True when the log has this frame."""
+        return frame.boot_id in self._seen and frame.seq in self._seen[frame.boot_id]
+
     def file_lost_something(self) -> None:
         """The file lost something between the frame before and the next one."""
         self._is_after_loss |= set(self._begins)
@@ -64,8 +74,12 @@ class Census:
     def missing(self, lost_by_file: int | None) -> MissingFrames:
         """How many frames are missing, and why. lost_by_file: as the log itself says, where it does."""
         absent = doubtful = 0
-        for boot_id, seen in self._seen.items():
-            gaps = list(seen.gaps(self._begins[boot_id], self._highest[boot_id]))
+        for boot_id in {*self._seen, *(boot_id for boot_id, _, _ in self._lacks)}:
+            seen = self._seen.get(boot_id, SeqSet())
+            wanted = SeqSet((first, last) for name, first, last in self._lacks if name == boot_id)
+            if seen:
+                wanted.add(self._begins[boot_id], self._highest[boot_id])
+            gaps = [gap for first, last in wanted for gap in seen.gaps(first, last)]
             absent += sum(last - first + 1 for first, last in gaps)
             holes = self._holes.get(boot_id, ())
             doubtful += sum(max(0, min(a[1], b[1]) - max(a[0], b[0]) + 1) for a in gaps for b in holes)

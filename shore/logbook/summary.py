@@ -21,9 +21,8 @@ class TripSummary:
         self._boat: str | None = None
         self._utc_ns: int | None = None
         self._frames = self._fixes = 0
-        self._seconds = 0.0
-        self._clock: tuple[str, int, int] | None = None
-        """Identity and span of the current clock: (clock_id, first t0_ns, last t1_ns)."""
+        self._spans: dict[tuple[str, str], tuple[int, int]] = {}
+        """First t0_ns and last t1_ns of each start of the daemon, by clock_id and boot_id: between them nothing ran."""
         self._filters: list[str] = []
         self._levels: Counter[str] = Counter()
         self._area: tuple[float, float, float, float] | None = None
@@ -41,13 +40,12 @@ class TripSummary:
             self._boat = record.get("connected", {}).get("config", {}).get("boat", {}).get("id")
 
     def frame(self, frame: Frame) -> None:
-        """Take a frame of the board; frames of one clock may come in any order."""
+        """Take a frame of the board, in any order."""
         self._frames += 1
         self._fixes += sum(fix.usable for fix in frame.fixes)
-        if self._clock is None or self._clock[0] != frame.clock_id:
-            self._seconds, self._clock = self._span_s(), (frame.clock_id, frame.t0_ns, frame.t1_ns)
-        clock_id, first_ns, last_ns = self._clock
-        self._clock = clock_id, min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
+        ran = frame.clock_id, frame.boot_id
+        first_ns, last_ns = self._spans.get(ran, (frame.t0_ns, frame.t1_ns))
+        self._spans[ran] = min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
 
     def estimate(self, record: dict[str, Any]) -> None:
         """Take a published estimate; place and speed are those of the first filter that is aligned."""
@@ -88,7 +86,5 @@ class TripSummary:
         }
 
     def _span_s(self) -> float:
-        """Boat time covered, over all clocks."""
-        if self._clock is None:
-            return self._seconds
-        return self._seconds + (self._clock[2] - self._clock[1]) / NS_PER_S
+        """Boat time covered, over all starts of the daemon."""
+        return sum(last_ns - first_ns for first_ns, last_ns in self._spans.values()) / NS_PER_S

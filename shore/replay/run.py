@@ -22,7 +22,7 @@ from shore.logbook.missing_frames import Census
 from shore.logbook.schemas import ESTIMATES, EVENTS, LINK, SESSION
 from shore.logbook.session import start_record
 from shore.navigation.estimate import Estimate
-from shore.pipeline import Pipeline
+from shore.pipeline import Output, Pipeline
 from shore.replay.comparison import Comparison
 from shore.replay.frames import Frames, Span
 from shore.replay.smooth import smooth_log
@@ -138,7 +138,7 @@ class Replay:
             if item.start is not start:
                 # A board that came back with another configuration: the live run began again there.
                 start, self._pipeline = item.start, self._new_pipeline(item.start)
-            step = Step.of(item, self._pipeline.push(item.frame))
+            step = Step.of(item, self._pipeline.push(item.frame) if item.is_live else Output())
             self.frames += 1
             self.estimates += len(step.records)
             if self.comparison:

@@ -137,6 +137,8 @@ class Examination:
         if record.get("kind") != "start":
             self.sessions.append(record)
             self.trip.session(record, log_time_ns)
+            if record.get("lacks"):
+                self.census.lacks(record["lacks"])
             return
         self.starts.append(record)
         self.trip.session(record, log_time_ns)

@@ -156,7 +156,8 @@ def frames_text(result: Examination) -> str:
     if missing.in_file:
         told.append(f"{missing.in_file} more were in what is lost")
     if missing.on_link:
-        told.append(f"{missing.on_link} never came over the link")
+        come = "are still to come" if result.reader.is_being_written else "never came over the link"
+        told.append(f"{missing.on_link} {come}")
     return ", ".join(told if len(told) > 1 else [*told, "none missing"]) if result.census.count else "none"
 
 
@@ -200,6 +201,9 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     yield "length", duration(number(summary.get("seconds")))
     yield "sailed", _sailed(summary, result.fixes_area)
     yield "frames", frames_text(result)
+    if before := number(_part({"end": result.last("end")}, "end").get("lacking_before"), int):
+        still = "had not come when this one ended; the next `wayfix connect` fetches them"
+        yield "before", f"{_plural(before, 'frame')} of earlier trips {still}"
     yield "filters", ", ".join(map(str, summary.get("filters") or ())) or "none"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
     start = result.starts[-1] if result.starts else {}

@@ -1,8 +1,11 @@
 """Status line, one a second: every number has its age, source and quality, and a stale one is marked as stale."""
 
 from collections.abc import Callable
+from datetime import UTC, datetime
 from math import hypot
 
+from common.units import NS_PER_S
+from shore.link.catching_up import CatchingUp
 from shore.settings.station import DEFAULTS, StationSettings
 from shore.watchers.newest import Age, Newest, quality_of
 from shore.watchers.watcher import SourceState, Start, Step, Watcher
@@ -36,7 +39,8 @@ class StatusLine(Watcher):
 def status_text(newest: Newest, now: SourceState) -> str:
     """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age)."""
     gone = f", {now.gone} lost" if now.gone else ""
-    counts = f"{now.received} frames, {now.missing} missing{gone}"
+    missing = f"{now.missing} missing" if now.catching_up is None else catching_up_text(now.catching_up)
+    counts = f"{now.received} frames, {missing}{gone}"
     text = f"{_estimate_text(newest)} | {_fix_text(newest)} | {_heading_text(newest)} | {counts}"
     if not now.has_log:
         text = f"NO LOG | {text}"
@@ -46,6 +50,18 @@ def status_text(newest: Newest, now: SourceState) -> str:
         return text
     refusal = f" ({now.refusal})" if now.refusal else ""
     return f"LINK LOST for {now.lost_s:.0f} s{refusal}, trying again | before: {text}"
+
+
+def catching_up_text(lack: CatchingUp) -> str:
+    """Catching up: 8,327 frames of 13:50 to 14:05, 1 min left. Times are UTC, seconds where it is about minutes."""
+    text = f"catching up: {lack.frames:,} frame{'s'[: lack.frames != 1]}"
+    if lack.from_utc_ns is not None and lack.to_utc_ns is not None:
+        form = "%H:%M" if lack.to_utc_ns - lack.from_utc_ns > 300 * NS_PER_S else "%H:%M:%S"
+        begin, end = (datetime.fromtimestamp(ns // NS_PER_S, UTC) for ns in (lack.from_utc_ns, lack.to_utc_ns))
+        text += f" of {begin:{form}} to {end:{form}}"
+    if lack.left_s is None:
+        return text
+    return f"{text}, {lack.left_s:.0f} s left" if lack.left_s < 60.0 else f"{text}, {lack.left_s / 60:.0f} min left"
 
 
 def _estimate_text(newest: Newest) -> str:

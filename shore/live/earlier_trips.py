@@ -1,0 +1,73 @@
+"""Late frames (backfill) of earlier trips: kept beside each trip while they come, then put into its log.
+
+Whose trip a frame is the ledger decides (`shore/link/frame_ledger.py`). What is of an earlier one goes past filters and
+screen into `<trip>-late.mcap`, a log like any other. Where the program dies, the next session finds it there.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from common.errors import WayfixError
+from shore.logbook.lock import is_being_written
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import LogWriter, late_log, late_logs
+from shore.pipeline import Output
+from shore.trips.complete import complete
+from shore.watchers.log import LogWatcher
+from shore.watchers.watcher import Arrival, Step
+
+
+class EarlierTrips:
+    """Writes the late frames of one session."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._writers: dict[str, LogWriter] = {}
+
+    def take(self, trip: str, arrival: Arrival) -> None:
+        """Keep a frame of the trip whose log has this name. Raises WayfixError."""
+        writer = self._writers.get(trip)
+        if writer is None:
+            writer = self._writers[trip] = late_log(self._directory / trip)
+            writer.write_session(_start_of(self._directory / trip) or arrival.start.record, arrival.log_time_ns)
+        LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
+
+    def flush(self) -> list[int]:
+        """What came so far is the system's; the descriptors to be synced. Raises WayfixError."""
+        return [writer.flush() for writer in self._writers.values()]
+
+    def end(self, lacks_of: Callable[[str], list[list[object]]], t_ns: int) -> None:
+        """End the logs with what each trip lacks still. Raises WayfixError."""
+        for trip, writer in self._writers.items():
+            writer.write_session({"kind": "end", "lacks": lacks_of(trip)}, t_ns)
+            writer.close()
+        self._writers.clear()
+
+
+def complete_trips(directory: Path, say: Callable[[str], None]) -> None:
+    """Put what lies beside trips into their logs, also what a station that died left there.
+
+    What cannot be put there (the log is gone, is damaged or is being written) stays a log of its own, and that is said.
+    """
+    with suppress(OSError):
+        for trip, late in late_logs(directory):
+            if is_being_written(late):
+                continue
+            try:
+                count = complete(trip, late)
+            except WayfixError as error:
+                say(f"{late} stays a log of its own: {error}")
+            else:
+                say(f"{trip}: {_frames(count)} that came late {'are' if count != 1 else 'is'} in it now")
+
+
+def _frames(count: int) -> str:
+    return f"{count} frame{'s'[: count != 1]}"
+
+
+def _start_of(trip: Path) -> dict[str, object] | None:
+    """The first session record of a log, where there is one."""
+    with suppress(WayfixError):
+        return next((record for record in read_log(trip).session() if record["kind"] == "start"), None)
+    return None
