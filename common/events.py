@@ -107,6 +107,12 @@ EVENTS: Final[dict[str, EventKind]] = {
         "use a faster disk; nothing of the run waits for it",
         side=STATION,
     ),
+    "log-gone": EventKind(
+        "warning",
+        "the log {file} was removed or moved while it was written: {new} begins, and the boat sends the frames again",
+        "leave a log alone until its run has ended",
+        side=STATION,
+    ),
     "daemon-restarted": EventKind(
         "warning", "the boat's daemon was restarted; the filters carry on", "nothing to do", side=FILTERS
     ),

@@ -133,13 +133,8 @@ class Ledger:
     def forget_trip(self, name: str) -> None:
         """Its log is gone: its frames are wanted once more."""
         for start in self._starts.values():
-            seen = [
-                (first, last)
-                for part_first, part_last in start.seen
-                for first, last in self._parts(start, part_first, part_last)
-                if self.trip_of(start.boot_id, first) != name
-            ]
-            start.seen = SeqSet(seen)
+            parts = [part for first, last in start.seen for part in self._parts(start, first, last)]
+            start.seen = SeqSet(part for part in parts if self.trip_of(start.boot_id, part[0]) != name)
 
     @staticmethod
     def _parts(start: StartLedger, first: int, last: int) -> Iterator[tuple[int, int]]:

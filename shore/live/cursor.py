@@ -31,18 +31,24 @@ class Cursor:
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", boat_id)
         self._path = directory / f"{stem}.cursor"
         self._boat_id = boat_id
-        lock_path = directory / f".{stem}.cursor.lock"
-        if is_being_written(lock_path):
+        self._lock_path = directory / f".{stem}.cursor.lock"
+        if is_being_written(self._lock_path):
             cure = "give another --log directory, or stop it"
             raise WayfixError("another station writes logs of this boat here", str(directory), cure)
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            self._lock = FileIO(lock_path, "wb")
-        except OSError as error:
-            cure = "give a directory you may write to"
-            raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
-        lock(self._lock.fileno())
+        self._lock: FileIO | None = None
+        self.claim()
         self.ledger = self._load(say)
+
+    def claim(self) -> None:
+        """Keep other stations from writing here, once more where the directory was removed. Raises WayfixError."""
+        self.close()
+        try:
+            self._lock_path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = FileIO(self._lock_path, "wb")
+        except OSError as error:
+            directory, cure = str(self._lock_path.parent), "give a directory you may write to"
+            raise WayfixError(f"no log can be written here ({error.strerror})", directory, cure) from error
+        lock(self._lock.fileno())
 
     def saver(self, log: Path, log_time_ns: int) -> Callable[[], None]:
         """What to call, in any thread, once everything that is in the ledger now is on the disk; it raises OSError.
@@ -66,7 +72,8 @@ class Cursor:
 
     def close(self) -> None:
         """Let another station write here."""
-        self._lock.close()
+        if self._lock is not None:
+            self._lock.close()
 
     def _load(self, say: Callable[[str], None]) -> Ledger:
         try:

@@ -33,6 +33,13 @@ class EarlierTrips:
             writer.write_session(_start_of(self._directory / trip) or arrival.start.record, arrival.log_time_ns)
         LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
 
+    def drop_gone(self) -> list[str]:
+        """Give up the logs that were removed while they were written; returns the trips they were of."""
+        gone = [trip for trip, writer in self._writers.items() if writer.is_gone]
+        for trip in gone:
+            self._writers.pop(trip).abandon()
+        return gone
+
     def flush(self) -> list[int]:
         """What came so far is the system's; the descriptors to be synced. Raises WayfixError."""
         return [writer.flush() for writer in self._writers.values()]

@@ -43,6 +43,20 @@ class LiveLog(LogWatcher):
         super().begin(start, t_ns)
         self.checkpoint()
 
+    @property
+    def is_gone(self) -> bool:
+        """True when the log or its directory was removed or moved while it is written."""
+        return self._recorder.is_gone
+
+    def begin_again(self, start: Start, t_ns: int) -> list[str]:
+        """Begin another log in place of one that is gone; returns the earlier trips whose late frames are gone too."""
+        gone = self._earlier.drop_gone() if self._earlier is not None else []
+        self._recorder.begin_again()
+        if (cursor := self._cursor) is not None:
+            self._recorder.write(lambda _own: cursor.claim())
+        self.begin(start, t_ns)
+        return gone
+
     def complete(self, trip: str, arrival: Arrival) -> None:
         """Keep a frame of an earlier trip, the one whose log has this name."""
         if (earlier := self._earlier) is not None:

@@ -29,6 +29,7 @@ from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
 from shore.settings.station import DEFAULTS, StationSettings
+from shore.watchers.account import RunAccount
 from shore.watchers.say import SayEvents
 from shore.watchers.status import StatusLine
 from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step, Watchers
@@ -127,7 +128,9 @@ class LiveRun:
         beside it they find their age, and what is older than the horizon starts no filter."""
         settings = options.settings
         self._status = StatusLine(settings.filter.names[0], say, settings)
-        self._watchers = Watchers(self._log, SayEvents(say, settings), self._status)
+        self.account = RunAccount()
+        """What the run was, so far."""
+        self._watchers = Watchers(self._log, SayEvents(say, settings), self._status, self.account)
         self._loss = LinkLoss()
         self._seconds = RunSeconds()
         self._is_disk_slow = False
@@ -245,13 +248,17 @@ class LiveRun:
             return
         if self._ledger.has_hole:
             self._link.ask_soon()
-        self.tally.received += 1
+        is_again = self._pipeline.has(frame)
+        self.tally.received += not is_again
         self._next = frame.boot_id, frame.seq + 1
         self._has_newest = self._has_newest or self._ledger.is_newest(frame.boot_id, frame.seq)
         self._backfill.take(frame)
         trip = self._ledger.trip_of(frame.boot_id, frame.seq)
         if trip is not None and trip != self._trip:
             self._log.complete(trip, Arrival(data, frame, self._start, now_ns))
+            return
+        if is_again:  # for a log that was begun again
+            self._log.take(Step.of(Arrival(data, frame, self._start, now_ns), Output()))
             return
         arrival = Arrival(data, frame, self._start, now_ns, self._seconds.at(frame))
         try:
@@ -282,7 +289,24 @@ class LiveRun:
         if happening is not None:
             self._watchers.happened(happening, time.time_ns() if now_ns is None else now_ns)
 
+    def _begin_log_again(self) -> None:
+        """The log was removed: another one begins, and the board sends once more what was in the first."""
+        before, now_ns = str(self._log.path), time.time_ns()
+        record = {**self._start.record, "options": {**self._start.options, "begun_again": Path(before).name}}
+        gone = self._log.begin_again(Start(record, self._config), now_ns)
+        if self.log_fault is not None:
+            return
+        self._happened(event("log-gone", self._t_ns, "log", file=before, new=str(self._log.path)), now_ns)
+        if self._trip is None or self._log.path is None:
+            return
+        self._ledger.rename_trip(self._trip, self._log.path.name)
+        self._trip = self._log.path.name
+        for trip in (self._trip, *gone):
+            self._ledger.forget_trip(trip)
+
     def _each_second(self) -> None:
+        if self._log.is_gone:
+            self._begin_log_again()
         self._log.checkpoint()  # first: a fault of the disk belongs into this second's line
         limits = self._options.settings.limits
         is_slow = self._log.behind_s > limits.log_behind_s

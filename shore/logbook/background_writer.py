@@ -26,6 +26,7 @@ class LogRecorder:
         self._worker = ThreadPoolExecutor(1, "log-sync")
         self._syncing: Future[None] | None = None
         self._since_ns = boottime_ns()
+        self._boat_id = boat_id
         if directory is not None:
             self._writer = new_log(directory, boat_id, time.time_ns())
             self.path = self._writer.path
@@ -34,6 +35,24 @@ class LogRecorder:
     def log_time_ns(self) -> int:
         """Log time of the newest record, ns; 0 without a log."""
         return 0 if self._writer is None else self._writer.log_time_ns
+
+    @property
+    def is_gone(self) -> bool:
+        """True when what is written has no name any more: the log or its directory was removed or moved."""
+        return self._writer is not None and self._writer.is_gone
+
+    def begin_again(self) -> None:
+        """Begin another log in the directory of one that is gone; where that cannot be, the log ends."""
+        assert self.path is not None
+        directory = self.path.parent
+
+        def begin(gone: LogWriter) -> None:
+            gone.abandon()
+            self._writer = new_log(directory, self._boat_id, time.time_ns())
+            self.path = self._writer.path
+
+        self.write(self._finish_sync)
+        self.write(begin)
 
     @property
     def behind_s(self) -> float:

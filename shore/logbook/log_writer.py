@@ -67,6 +67,14 @@ class LogWriter:
         """Log time of the newest record, ns."""
         return self._log_time
 
+    @property
+    def is_gone(self) -> bool:
+        """True when another file, or none, has the name by now: the log or its directory was removed or moved."""
+        try:
+            return not os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
+        except OSError:
+            return True
+
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:
         """A frame's bytes, unchanged; `frame` is the same, decoded. Its fixes once more as Foxglove draws them."""
         self._add(FRAMES, data, t_ns, frame.t1_ns, frame.seq % 2**32)

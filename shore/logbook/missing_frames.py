@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 
 import msgpack
 
-from common.messages import Fix, Frame
+from common.messages import Fix, Frame, SensorHealth
 from common.seqset import SeqSet
 
 _HEAD: Final = {
@@ -13,6 +13,7 @@ _HEAD: Final = {
 }  # fmt: skip
 _head_of: Final = itemgetter(*_HEAD)
 _HEAD_TYPES: Final = tuple(_HEAD.values())
+_HEALTH_FIELDS: Final = ("sensor", "t_ns", "state", "reason", "accepted")
 _FIX_FIELDS: Final = ("lat_deg", "lon_deg", "fix_quality", "fix_mode", "status_valid", "held")
 
 
@@ -105,6 +106,10 @@ def light_frame(data: bytes) -> Frame:
         fixes=tuple(
             Fix(sensor=fix["sensor"], t_ns=t0_ns, **{name: fix[name] for name in _FIX_FIELDS if name in fix})
             for fix in fixes
+        ),
+        health=tuple(
+            SensorHealth(**{name: report[name] for name in _HEALTH_FIELDS if name in report})
+            for report in fields.get("health", ())
         ),
     )
 

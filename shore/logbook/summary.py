@@ -68,6 +68,11 @@ class TripSummary:
         """Count an event of this level."""
         self._levels[level] += 1
 
+    @property
+    def has_place(self) -> bool:
+        """True once an estimate was aligned."""
+        return self._area is not None
+
     def as_record(self) -> dict[str, Any]:
         """The whole summary for JSON; places are `None` while no estimate was aligned."""
         area = self._area or (None, None, None, None)

@@ -165,7 +165,10 @@ class Looked:
         track = smoothed(self._arguments.log, name, span_of(self._arguments))
         with _progress("smoothing"):
             count = write_track(path, self._scored(track))
-        tell(f"{count} smoothed estimates of {name} in {path}: each knows the whole log, none was seen live")
+        if count:
+            tell(f"{count} smoothed estimates of {name} in {path}: each knows the whole log, none was seen live")
+        else:
+            say(f"no smoothed estimates of {name}, {path} has no row: {self._replay.why_none or 'no filter started'}")
         return {"estimates": count, "file": str(path)}
 
     def _scored(self, track: Iterator[Any]) -> Iterator[Any]:
@@ -199,8 +202,11 @@ def _told(arguments: argparse.Namespace, replay: "Replay", is_whole: bool) -> di
     _tell_order(replay)
     if replay.damage:
         say(f"{arguments.log}: {replay.damage}; all frames that are sound were replayed")
+    if replay.why_none is not None:
+        say(f"{arguments.log}: no estimates: {replay.why_none}")
     summary: dict[str, Any] = {
         "order": replay.order,
+        "why_no_estimates": replay.why_none,
         "whole": is_whole,
         "frames": {"read": replay.frames, "bad": replay.source.bad, "late": replay.source.late},
         **_compared(replay),

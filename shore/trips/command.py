@@ -148,6 +148,7 @@ def _info(result: Examination, *, with_config: bool) -> dict[str, Any]:
         "versions": {"station": start.get("versions"), "board": connected.get("versions")},
         "arithmetic": start.get("arithmetic"),
         "options": start.get("options"),
+        "why_no_estimates": None if result.summary().get("filters") else screens.why_no_estimates(result),
         "warnings": [{"utc": iso(log_time_ns), **event} for log_time_ns, event in result.warnings],
     }
     return {**_report(result), **about, **({"config": config} if with_config else {})}

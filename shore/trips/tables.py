@@ -204,7 +204,7 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     if before := number(_part({"end": result.last("end")}, "end").get("lacking_before"), int):
         still = "had not come when this one ended; the next `wayfix connect` fetches them"
         yield "before", f"{_plural(before, 'frame')} of earlier trips {still}"
-    yield "filters", ", ".join(map(str, summary.get("filters") or ())) or "none"
+    yield "filters", ", ".join(map(str, summary.get("filters") or ())) or f"no estimates: {why_no_estimates(result)}"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
     start = result.starts[-1] if result.starts else {}
     if settings := _settings(_part(start, "options")):
@@ -219,6 +219,15 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     if recovered:
         count = len(recovered.get("losses", ()))
         yield "recovered", f"from {recovered.get('from')}, which lost {_plural(count, 'stretch', 'stretches')}"
+
+
+def why_no_estimates(result: Examination) -> str:
+    """Why a log holds none, in a sentence."""
+    start = result.starts[-1] if result.starts else {}
+    if not _part(start, "options").get("filters"):
+        return "no filter was asked for"
+    sensors = _part(_part(start, "connected"), "config").get("sensor") or ()
+    return result.why_none.text({str(each.get("id")): str(each.get("role")) for each in sensors})
 
 
 def _settings(options: dict[str, Any]) -> str:
