@@ -127,8 +127,8 @@ def _options(arguments: argparse.Namespace) -> "Options":
 
 def _exit_code(tally: "Tally", options: "Options", *, is_stopped: bool) -> int:
     if tally.end_reason is not None:
-        say(f"the boat ended the session after {tally.received} frames: {tally.end_reason}")
+        say(f"the boat ended the session after {counted(tally.received, 'frame')}: {tally.end_reason}")
     if options.frames is not None and tally.received < options.frames and not is_stopped:
-        say(f"only {tally.received} of {options.frames} frames were received")
+        say(f"only {tally.received} of {counted(options.frames, 'frame')} were received")
         return 1
     return 0

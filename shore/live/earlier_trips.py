@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from common.errors import WayfixError
+from common.words import counted
 from shore.logbook.lock import is_being_written
 from shore.logbook.log_reader import read_log
 from shore.logbook.log_writer import LogWriter, late_log, late_logs
@@ -66,11 +67,7 @@ def complete_trips(directory: Path, say: Callable[[str], None]) -> None:
             except WayfixError as error:
                 say(f"{late} stays a log of its own: {error}")
             else:
-                say(f"{trip}: {_frames(count)} that came late {'are' if count != 1 else 'is'} in it now")
-
-
-def _frames(count: int) -> str:
-    return f"{count} frame{'s'[: count != 1]}"
+                say(f"{trip}: {counted(count, 'frame')} that came late {'is' if count == 1 else 'are'} in it now")
 
 
 def _start_of(trip: Path) -> dict[str, object] | None:

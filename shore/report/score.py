@@ -217,7 +217,9 @@ def score_table(summary: dict[str, Any]) -> str:
         f"{'':14}{'position RMS, m':>22}{'heading RMS, deg':>24}",
         f"{'':14}{'whole':>11}{'last 1/4':>11}{'whole':>13}{'last 1/4':>11}",
     ]
-    for name in dict.fromkeys(name for column in columns for name in column):
+    names = dict.fromkeys(name for column in columns for name in column)
+    is_filter = {name: name in columns[0] and name in columns[2] for name in names}
+    for name in sorted(names, key=is_filter.__getitem__):  # the sensors first, then what is made of them
         cells = [column.get(name) for column in columns]
         texts = ["" if cell is None else f"{cell:.2f}" for cell in cells]
         lines.append(f"{name:14}{texts[0]:>11}{texts[1]:>11}{texts[2]:>13}{texts[3]:>11}")

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from common.command import printable, sentence_of
 from common.errors import WayfixError
+from common.words import counted
 from shore.logbook.mcap.damage import iso
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.session import trip_record
@@ -81,7 +82,9 @@ def run_recover(arguments: argparse.Namespace) -> int:
     with _progress() as shown:
         done = recover(arguments.log, arguments.out, trip, _phases(shown))
     result = done.source
-    told = f"{done.path}: {done.records} records, read back and equal to what is sound in {arguments.log.name}"
+    told = (
+        f"{done.path}: {counted(done.records, 'record')}, read back and equal to what is sound in {arguments.log.name}"
+    )
     tell(printable(told))
     _tell_losses(result)
     finish(arguments, {"log": str(done.path), "records": done.records, "source": _report(result)})

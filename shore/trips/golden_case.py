@@ -23,6 +23,7 @@ from common.command import printable
 from common.errors import WayfixError
 from common.toml_text import toml_text
 from common.units import NS_PER_S
+from common.words import counted
 from shore.logbook.arithmetic import WORDS, Arithmetic, arithmetic_here, unlike
 from shore.logbook.estimate_rounding import TOLERANCE, digest_of
 
@@ -92,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     made_by = printable(f"wayfix log case {arguments.log.name} {arguments.directory.name}{_asked(arguments)}")
     case = Case(arguments.directory, name, arguments.text, made_by, filters, arguments.order, EVERY_S)
     sizes = write_case(arguments.log, case, span_of(arguments))
-    told = ", ".join(f"{file} {size} bytes" for file, size in sizes.items())
+    told = ", ".join(f"{file} {counted(size, 'byte')}" for file, size in sizes.items())
     tell(printable(f"{arguments.directory}: {told}"))
     if sizes[LOG] > LOG_LIMIT:
         say(f"{LOG} is longer than {LOG_LIMIT} bytes: cut it with --from and --to before it goes into a repository")
@@ -208,7 +209,7 @@ def differences(case: Case) -> list[str]:
         with (case.directory / file).open(newline="", encoding="utf-8") as stream:
             expected = list(csv.DictReader(stream))
         if len(now) != len(expected):
-            found.append(f"{file}: {len(now)} rows, {len(expected)} expected")
+            found.append(f"{file}: {counted(len(now), 'row')}, {len(expected)} expected")
         for line, (ours, theirs) in enumerate(zip(now, expected, strict=False), 2):
             found += [
                 f"{file}, line {line}, {column}: {ours[column]}, expected {value}"

@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from shore.logbook.lock import is_being_written
-from shore.logbook.log_reader import LogReader
+from shore.logbook.log_reader import LogReader, near_name
 from shore.logbook.mcap.damage import iso
 from shore.logbook.mcap.index_at_end import Tail, tail_of
 from shore.logbook.mcap.records import (
@@ -75,7 +75,8 @@ def logs_in(given: Iterable[Path]) -> list[Path]:
         elif path.exists():
             found.append(path)
         else:
-            raise WayfixError("no such file or directory", str(path), "give logs, or a directory with logs")
+            what = f"no such file or directory{near_name(path)}"
+            raise WayfixError(what, str(path), "give logs, or a directory with logs")
     return list(dict.fromkeys(found))
 
 

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from common.command import printable
 from common.toml_text import toml_lines
+from common.words import counted
 from shore.logbook.arithmetic import VERSIONS, WORDS, arithmetic_of
 from shore.logbook.mcap.damage import AnotherLog, clock
 from shore.trips.examine import Examination
@@ -137,7 +138,7 @@ def _verdict(result: Examination) -> str:
         return ", nothing is lost"
     if result.state == "cut":
         others = len(reader.losses) - 1
-        more = f", and {_plural(others, 'stretch', 'stretches')} before that" if others else ""
+        more = f", and {counted(others, 'stretch', 'stretches')} before that" if others else ""
         what = f"what came after {_second(result.last_ns)}" if result.last_ns is not None else "all of it"
         return f", {what} is lost{more}"
     known = [loss.records for loss in reader.losses if loss.records is not None]
@@ -145,8 +146,8 @@ def _verdict(result: Examination) -> str:
         is_alone = not any(isinstance(flaw, AnotherLog) for flaw in reader.flaws)
         return ", but no record is lost" if is_alone else ", another log stands behind it"
     if len(known) == len(reader.losses):
-        return f", {_plural(sum(known), 'record')} lost"
-    return f", {_plural(len(reader.losses), 'stretch', 'stretches')} lost"
+        return f", {counted(sum(known), 'record')} lost"
+    return f", {counted(len(reader.losses), 'stretch', 'stretches')} lost"
 
 
 def frames_text(result: Examination) -> str:
@@ -203,7 +204,7 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     yield "frames", frames_text(result)
     if before := number(_part({"end": result.last("end")}, "end").get("lacking_before"), int):
         still = "had not come when this one ended; the next `wayfix connect` fetches them"
-        yield "before", f"{_plural(before, 'frame')} of earlier trips {still}"
+        yield "before", f"{counted(before, 'frame')} of earlier trips {still}"
     yield "filters", ", ".join(map(str, summary.get("filters") or ())) or f"no estimates: {why_no_estimates(result)}"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
     start = result.starts[-1] if result.starts else {}
@@ -218,7 +219,7 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     recovered = result.last("recovered")
     if recovered:
         count = len(recovered.get("losses", ()))
-        yield "recovered", f"from {recovered.get('from')}, which lost {_plural(count, 'stretch', 'stretches')}"
+        yield "recovered", f"from {recovered.get('from')}, which lost {counted(count, 'stretch', 'stretches')}"
 
 
 def why_no_estimates(result: Examination) -> str:
@@ -297,10 +298,6 @@ def _grid() -> Table:
 def _part(record: dict[str, Any], name: str) -> dict[str, Any]:
     value = record.get(name)
     return value if isinstance(value, dict) else {}
-
-
-def _plural(count: int, one: str, many: str = "") -> str:
-    return f"{count} {one if count == 1 else many or one + 's'}"
 
 
 def _second(utc_ns: int | None) -> str:

@@ -92,8 +92,6 @@ class SourceState:
     """Number of frames received so far."""
     missing: int
     """Number of frames that are still to come."""
-    catching_up: CatchingUp | None = None
-    """What these are, and how long they take; `None` = none is missing, or nobody knows."""
     gone: int = 0
     """Number of frames that the boat does not hold any more."""
     lost_s: float | None = None
@@ -103,6 +101,8 @@ class SourceState:
     round_trip_ms: float | None = None
     has_log: bool = True
     """False once the log has ended before the run."""
+    catching_up: CatchingUp | None = None
+    """What is missing, and how long it takes to come; `None` = nothing is, or nobody knows."""
 
 
 class Watcher:
