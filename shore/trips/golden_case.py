@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     made_by = printable(f"wayfix log case {arguments.log.name} {arguments.directory.name}{_asked(arguments)}")
     case = Case(arguments.directory, name, arguments.text, made_by, filters, arguments.order, EVERY_S)
     sizes = write_case(arguments.log, case, span_of(arguments))
-    told = ", ".join(f"{file} {counted(size, 'byte')}" for file, size in sizes.items())
+    told = ", ".join(f"{file} {size} bytes" for file, size in sizes.items())
     tell(printable(f"{arguments.directory}: {told}"))
     if sizes[LOG] > LOG_LIMIT:
         say(f"{LOG} is longer than {LOG_LIMIT} bytes: cut it with --from and --to before it goes into a repository")
