@@ -19,6 +19,7 @@ class LiveLog(LogWatcher):
     def __init__(self, directory: Path | None, boat_id: str, cursor: Cursor | None, say: Callable[[str], None]) -> None:
         """Raises WayfixError when the directory cannot be written."""
         self._recorder = LogRecorder(directory, boat_id, say)
+        self._say = say
         self._cursor = cursor
         self._earlier = None if directory is None else EarlierTrips(directory)
         super().__init__(self._recorder.write)
@@ -67,6 +68,10 @@ class LiveLog(LogWatcher):
         super().end(tally, t_ns)
         if (earlier := self._earlier) is not None and (cursor := self._cursor) is not None:
             self._recorder.write(lambda _own: earlier.end(cursor.ledger.lacks_of, t_ns))
+        if (names := self._recorder.name_by_boat()) is not None:
+            self._say(f"this station's clock is not the boat's UTC: the log is {names[1]}")
+            if self._cursor is not None:  # it is written before the log has that name: whatever happens, it says enough
+                self._cursor.ledger.rename_trip(*names)
         self.checkpoint(wait=True)
         self._recorder.close()
         if self._cursor is not None:

@@ -27,8 +27,9 @@ class LogRecorder:
         self._syncing: Future[None] | None = None
         self._since_ns = boottime_ns()
         self._boat_id = boat_id
+        self._began_ns = time.time_ns()
         if directory is not None:
-            self._writer = new_log(directory, boat_id, time.time_ns())
+            self._writer = new_log(directory, boat_id, self._began_ns)
             self.path = self._writer.path
 
     @property
@@ -48,7 +49,8 @@ class LogRecorder:
 
         def begin(gone: LogWriter) -> None:
             gone.abandon()
-            self._writer = new_log(directory, self._boat_id, time.time_ns())
+            self._began_ns = time.time_ns()
+            self._writer = new_log(directory, self._boat_id, self._began_ns)
             self.path = self._writer.path
 
         self.write(self._finish_sync)
@@ -80,6 +82,16 @@ class LogRecorder:
         """
         if wait or self._syncing is None or self._syncing.done():
             self.write(lambda writer: self._sync(writer, then))
+
+    def name_by_boat(self) -> tuple[str, str] | None:
+        """Let `close` name the log by the boat's UTC where the station's is wrong; returns the old and new name."""
+        if self._writer is None or self.path is None:
+            return None
+        named = self._writer.name_by_boat(self._boat_id, self._began_ns)
+        if named is None:
+            return None
+        before, self.path = self.path.name, named
+        return before, named.name
 
     def close(self) -> None:
         """Wait for the disk and close the log; safe to call twice."""

@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 
 import msgpack
 
-from common.messages import Fix, Frame, SensorHealth
+from common.messages import UTC_SOURCES, Fix, Frame, SensorHealth
 from common.seqset import SeqSet
 
 _HEAD: Final = {
@@ -103,6 +103,7 @@ def light_frame(data: bytes) -> Frame:
     return Frame(
         **dict(zip(_HEAD, head, strict=True)),
         first_seq=first_seq,
+        **_utc_of(fields),
         fixes=tuple(
             Fix(sensor=fix["sensor"], t_ns=t0_ns, **{name: fix[name] for name in _FIX_FIELDS if name in fix})
             for fix in fixes
@@ -112,6 +113,11 @@ def light_frame(data: bytes) -> Frame:
             for report in fields.get("health", ())
         ),
     )
+
+
+def _utc_of(fields: dict[str, Any]) -> dict[str, Any]:
+    utc_ns, source = fields.get("utc_ns"), fields.get("utc_src", "none")
+    return {} if type(utc_ns) is not int or source not in UTC_SOURCES else {"utc_ns": utc_ns, "utc_src": source}
 
 
 def _is_place(value_deg: Any, limit_deg: float) -> bool:

@@ -4,13 +4,50 @@ from collections import Counter
 from typing import Any, Final
 
 from common.geodesy import LocalPlane
-from common.messages import Frame
+from common.messages import UTC_SOURCES, Frame
 from common.units import NS_PER_S
 
 KEPT: Final = ("name", "place", "note")
 """Fields that an operator gives to a trip, in `/session` records of kind `trip`; the last ones hold."""
 LEG_NS: Final = NS_PER_S
 """Distance is summed over steps of this boat time, ns: shorter ones would count the noise."""
+
+
+class UtcOfClocks:
+    """UTC as the boat knows it (GNSS before NTP before a real-time clock), one offset for each clock of the board."""
+
+    def __init__(self) -> None:
+        self._offsets: dict[str, tuple[int, int]] = {}
+        """Rank of the source, and UTC less boat time (ns), by clock_id; the newest of the best source."""
+        self._spans: dict[str, tuple[int, int, int]] = {}
+        """Lowest start_no, first t0_ns and last t1_ns, by clock_id."""
+
+    def take(self, frame: Frame) -> None:
+        """Take a frame, in any order."""
+        start_no, first_ns, last_ns = self._spans.get(frame.clock_id, (frame.start_no, frame.t0_ns, frame.t1_ns))
+        span = min(start_no, frame.start_no), min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
+        self._spans[frame.clock_id] = span
+        rank = UTC_SOURCES.index(frame.utc_src)
+        if frame.utc_ns is not None and rank >= max(1, self._offsets.get(frame.clock_id, (0, 0))[0]):
+            self._offsets[frame.clock_id] = rank, frame.utc_ns - frame.t0_ns
+
+    def of(self, t_ns: int) -> int | None:
+        """UTC of a boat time, ns; `None` where it is not known, or the board had several clocks."""
+        if len(self._spans) != 1 or not self._offsets:
+            return None
+        ((_, offset_ns),) = self._offsets.values()
+        return t_ns + offset_ns
+
+    def span(self) -> tuple[int | None, int | None]:
+        """UTC of the first and of the last frame, ns; `None` = the boat did not know it."""
+        if not self._spans:
+            return None, None
+        order = sorted(self._spans, key=lambda clock_id: self._spans[clock_id][0])
+        found = [
+            self._spans[clock_id][place] + self._offsets[clock_id][1] if clock_id in self._offsets else None
+            for clock_id, place in ((order[0], 1), (order[-1], 2))
+        ]
+        return found[0], found[1]
 
 
 class TripSummary:
@@ -23,6 +60,7 @@ class TripSummary:
         self._frames = self._fixes = 0
         self._spans: dict[tuple[str, str], tuple[int, int]] = {}
         """First t0_ns and last t1_ns of each start of the daemon, by clock_id and boot_id: between them nothing ran."""
+        self._clocks = UtcOfClocks()
         self._filters: list[str] = []
         self._levels: Counter[str] = Counter()
         self._area: tuple[float, float, float, float] | None = None
@@ -42,6 +80,7 @@ class TripSummary:
     def frame(self, frame: Frame) -> None:
         """Take a frame of the board, in any order."""
         self._frames += 1
+        self._clocks.take(frame)
         self._fixes += sum(fix.usable for fix in frame.fixes)
         ran = frame.clock_id, frame.boot_id
         first_ns, last_ns = self._spans.get(ran, (frame.t0_ns, frame.t1_ns))
@@ -69,6 +108,11 @@ class TripSummary:
         self._levels[level] += 1
 
     @property
+    def utc(self) -> "UtcOfClocks":
+        """What the boat said of UTC."""
+        return self._clocks
+
+    @property
     def has_place(self) -> bool:
         """True once an estimate was aligned."""
         return self._area is not None
@@ -76,10 +120,12 @@ class TripSummary:
     def as_record(self) -> dict[str, Any]:
         """The whole summary for JSON; places are `None` while no estimate was aligned."""
         area = self._area or (None, None, None, None)
+        begin_ns, end_ns = self._clocks.span()
         return {
             **self._words,
             "boat": self._boat,
-            "utc_ns": self._utc_ns,
+            "utc_ns": self._utc_ns if begin_ns is None else begin_ns,
+            "end_utc_ns": end_ns,
             "seconds": round(self._span_s(), 3),
             "frames": self._frames,
             "fixes": self._fixes,

@@ -16,7 +16,7 @@ from shore.logbook.session import trip_record
 from shore.terminal import every_end_is_ctrl_c, finish, say, tell
 from shore.trips import tables as screens
 from shore.trips.examine import Examination, examine
-from shore.trips.listing import logs_in, newest_first, trip_of
+from shore.trips.listing import date_of, logs_in, newest_first, trip_of
 from shore.trips.recover import Rewritten, name_log, recover
 
 STATES_WITHOUT_LOSS: Final = ("whole", "being written")
@@ -143,10 +143,11 @@ def _info(result: Examination, *, with_config: bool) -> dict[str, Any]:
     start = result.starts[-1] if result.starts else {}
     connected = start.get("connected") or {}
     config = connected.get("config") or {}
+    trip = result.summary()
     about = {
-        "trip": result.summary(),
-        "start_utc": iso(result.first_ns),
-        "end_utc": iso(result.last_ns),
+        "trip": trip,
+        "start_utc": date_of(trip["utc_ns"]),
+        "end_utc": date_of(result.last_ns if trip.get("end_utc_ns") is None else trip["end_utc_ns"]),
         "sensors": config.get("sensor", []),
         "versions": {"station": start.get("versions"), "board": connected.get("versions")},
         "arithmetic": start.get("arithmetic"),

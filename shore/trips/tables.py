@@ -17,7 +17,7 @@ from common.words import counted
 from shore.logbook.arithmetic import VERSIONS, WORDS, arithmetic_of
 from shore.logbook.mcap.damage import AnotherLog, clock
 from shore.trips.examine import Examination
-from shore.trips.listing import Trip, day, number
+from shore.trips.listing import FIRST_DATE_NS, Trip, day, number
 
 PIPE_WIDTH: Final = 120
 """Width in characters where the output is no terminal and COLUMNS is not set."""
@@ -198,7 +198,8 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
             yield ("trip" if key == "name" else key), words if key == "note" else printable(words)
     yield "boat", str(summary.get("boat") or "not known")
     if (start_ns := number(summary.get("utc_ns"), int)) is not None:
-        yield "time", f"{_second(start_ns)} to {_second(result.last_ns)}"
+        end_ns = number(summary.get("end_utc_ns"), int)
+        yield "time", f"{_second(start_ns)} to {_second(result.last_ns if end_ns is None else end_ns)}"
     yield "length", duration(number(summary.get("seconds")))
     yield "sailed", _sailed(summary, result.fixes_area)
     yield "frames", frames_text(result)
@@ -284,7 +285,9 @@ def _warnings(result: Examination) -> Table:
         table.add_column(heading, no_wrap=heading != "what")
     for log_time_ns, event in result.warnings:
         style = _LEVEL_STYLES.get(event["level"], "")
-        table.add_row(_second(log_time_ns)[11:19], str(event["source"]), Text(str(event["text"]), style))
+        utc_ns = result.trip.utc.of(event["t_ns"]) if event["t_ns"] else None
+        at = _second(log_time_ns if utc_ns is None else utc_ns)
+        table.add_row(at.split()[-2][-8:], str(event["source"]), Text(str(event["text"]), style))
     return table
 
 
@@ -301,6 +304,8 @@ def _part(record: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _second(utc_ns: int | None) -> str:
+    if utc_ns is not None and utc_ns < FIRST_DATE_NS:
+        return f"unknown date {clock(utc_ns)[11:19]} UTC"
     return clock(utc_ns).replace(" UTC", "").split(".")[0] + " UTC" if utc_ns is not None else "?"
 
 
