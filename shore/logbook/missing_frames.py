@@ -13,7 +13,7 @@ _HEAD: Final = {
 }  # fmt: skip
 _head_of: Final = itemgetter(*_HEAD)
 _HEAD_TYPES: Final = tuple(_HEAD.values())
-_HEALTH_FIELDS: Final = ("sensor", "t_ns", "state", "reason", "accepted")
+_HEALTH_FIELDS: Final = ("sensor", "state", "reason", "accepted")
 _FIX_FIELDS: Final = ("lat_deg", "lon_deg", "fix_quality", "fix_mode", "status_valid", "held")
 
 
@@ -109,7 +109,7 @@ def light_frame(data: bytes) -> Frame:
             for fix in fixes
         ),
         health=tuple(
-            SensorHealth(**{name: report[name] for name in _HEALTH_FIELDS if name in report})
+            SensorHealth(t_ns=t0_ns, **{name: report[name] for name in _HEALTH_FIELDS if name in report})
             for report in fields.get("health", ())
         ),
     )

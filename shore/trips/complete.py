@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from common.errors import WayfixError
+from common.codec import decode_frame
+from common.errors import CodecError, WayfixError
 from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.scan import Scan
-from shore.logbook.missing_frames import light_frame
 from shore.logbook.schemas import EVENTS, FIXES, FRAMES
 from shore.trips.examine import Examination
 from shore.trips.recover import Added, Whole, check_source, rewrite, whole_of
@@ -31,7 +31,11 @@ def complete(trip: Path, late: Path) -> int:
             raise WayfixError(f"is {result.state}", str(trip), _CURE)
         for number, record in _records(late):
             if record.topic == FRAMES:
-                frame = light_frame(record.data)
+                try:
+                    frame = decode_frame(record.data)
+                except CodecError as error:
+                    what = f"holds a frame that is not understood ({error.what})"
+                    raise WayfixError(what, str(late), _CURE) from error
                 if not result.census.holds(frame):
                     new.add(number)
                     result.census.frame(frame)

@@ -63,11 +63,13 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
     told = missing if lack is None else catching_up_text(lack)
     trouble = [] if now.has_log else ["NO LOG"]
     trouble += [] if now.lost_s is None else [f"LINK LOST for {now.lost_s:.0f} s"]
+    bare, *waiting = estimate.removeprefix(f"{newest.filter} ").split(" waiting for: ")
+    bare += " (not valid yet)" if waiting else ""
     shorter = (
         [*trouble, estimate, *sensors, told],
         [*trouble, estimate, *sensors, missing],
-        [*trouble, estimate.removeprefix(f"{newest.filter} "), *sensors, missing],
-        [*trouble, estimate.removeprefix(f"{newest.filter} "), *sensors],
+        [*trouble, bare, *sensors, missing],
+        [*trouble, bare, *sensors],
     )
     texts = [" | ".join(parts) for parts in shorter]
     return next((text for text in texts if len(text) <= width), texts[-1][: width - 1] + "…")

@@ -9,7 +9,7 @@ import pytest
 
 from common.clock_offset import ClockOffset
 from common.codec import encode_frame
-from common.messages import Frame
+from common.messages import Frame, SensorHealth
 from shore.link.link import Link, Received, Wants
 from shore.live.run import LiveRun, Options
 from shore.settings.station import DEFAULTS, StationSettings
@@ -46,8 +46,10 @@ class Board:
                 "boat_id": "springer", "boot_id": self.boot_id, "seq": len(own), "start_no": len(self.made),
                 "t0_ns": self.t_ns, "t1_ns": self.t_ns + PERIOD_NS, "utc_ns": UTC_NS + self.t_ns, "utc_src": "gnss",
             }  # fmt: skip
-            nothing: dict[str, Any] = dict.fromkeys(("fixes", "headings", "imu", "events", "health"), ())
-            own.append(replace(frame, **identity, **({} if self.has_sensors else nothing)))
+            nothing: dict[str, Any] = dict.fromkeys(("fixes", "headings", "imu", "events"), ())
+            state, reason = ("delivering", None) if self.has_sensors else ("missing", "no such file")
+            health = SensorHealth(sensor="gps1", t_ns=self.t_ns + 5_000, state=state, reason=reason)
+            own.append(replace(frame, **identity, **({} if self.has_sensors else nothing), health=(health,)))
             self.t_ns += PERIOD_NS
 
     @property
