@@ -7,6 +7,7 @@ screen into `<trip>-late.mcap`, a log like any other. Where the program dies, th
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from common.errors import WayfixError
 from common.words import counted
@@ -14,9 +15,13 @@ from shore.logbook.lock import is_being_written
 from shore.logbook.log_reader import read_log
 from shore.logbook.log_writer import LogWriter, late_log, late_logs
 from shore.pipeline import Output
+from shore.terminal import every_end_is_ctrl_c
 from shore.trips.complete import complete
 from shore.watchers.log import LogWatcher
 from shore.watchers.watcher import Arrival, Step
+
+LONG_BYTES: Final = 5_000_000
+"""A log that is larger takes some ten seconds to be written once more, bytes."""
 
 
 class EarlierTrips:
@@ -56,16 +61,22 @@ class EarlierTrips:
 def complete_trips(directory: Path, say: Callable[[str], None]) -> None:
     """Put what lies beside trips into their logs, also what a station that died left there.
 
-    What cannot be put there (the log is gone, is damaged or is being written) stays a log of its own, and that is said.
+    What cannot be put there (the log is gone, is damaged or is being written) stays a log of its own, and that is said;
+    so does all after Ctrl-C, until the next session ends.
     """
-    with suppress(OSError):
+    with suppress(OSError), every_end_is_ctrl_c():
         for trip, late in late_logs(directory):
             if is_being_written(late):
                 continue
+            if trip.exists() and trip.stat().st_size > LONG_BYTES:
+                say(f"{trip}: what came late is put into it, which takes a while (Ctrl-C leaves it for the next time)")
             try:
                 count = complete(trip, late)
             except WayfixError as error:
                 say(f"{late} stays a log of its own: {error}")
+            except KeyboardInterrupt:
+                say(f"{late} stays a log of its own until the next `wayfix connect` ends")
+                return
             else:
                 say(f"{trip}: {counted(count, 'frame')} that came late {'is' if count == 1 else 'are'} in it now")
 

@@ -178,3 +178,25 @@ def test_what_is_older_than_the_horizon_starts_no_filter(tmp_path: Path, board: 
     assert log is not None
     assert len(frames_in(log)) == 220
     assert list(read_log(log).estimates()) == []
+
+
+def test_ctrl_c_leaves_late_frames_beside_their_trip(
+    tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session(tmp_path, board, 3.0)
+    board.make(30)
+    session(tmp_path, board, 2.0)
+    names, said = set(tmp_path.iterdir()), list[str]()
+
+    def pressed(*_arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("shore.trips.recover._compare", pressed)
+        complete_trips(tmp_path, said.append)
+    assert [line.partition(" stays")[2] for line in said] == [" a log of its own until the next `wayfix connect` ends"]
+    assert set(tmp_path.iterdir()) == names
+    check_each_frame_once(tmp_path, board)
+    complete_trips(tmp_path, print)
+    check_each_frame_once(tmp_path, board)
+    assert len(list(tmp_path.glob("*.mcap"))) == 2
