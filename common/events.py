@@ -23,7 +23,7 @@ class EventKind:
 
 
 EVENTS: Final[dict[str, EventKind]] = {
-    "daemon-started": EventKind("info", "daemon started, {sensors} sensors configured", "nothing to do"),
+    "daemon-started": EventKind("info", "daemon started, configured sensors: {sensors}", "nothing to do"),
     "daemon-stopping": EventKind("info", "daemon stops: {reason}", "nothing to do"),
     "daemon-resumed": EventKind(
         "warning",
@@ -79,12 +79,12 @@ EVENTS: Final[dict[str, EventKind]] = {
     "frame-failed": EventKind(
         "error", "frame {seq} could not be encoded and was not sent: {reason}", "report this configuration"
     ),
-    "ticks-missed": EventKind("warning", "the board slept: {count} frame periods passed at once", "nothing to do"),
+    "ticks-missed": EventKind("warning", "the board slept, frame periods passed at once: {count}", "nothing to do"),
     "client-joined": EventKind("info", "client {client} joined", "nothing to do"),
     "client-left": EventKind("info", "client {client} left: {reason}", "nothing to do"),
     "frames-gone": EventKind(
         "warning",
-        "{count} frames from {seq} on are lost: the boat does not hold them any more",
+        "frames from {seq} on that the boat does not hold any more, so that they are lost: {count}",
         "give the board's [spool] more room, or a card that is faster",
         side=STATION,
     ),
@@ -137,7 +137,7 @@ EVENTS: Final[dict[str, EventKind]] = {
         "pairing ended without a key: {reason}",
         "ask for a new code (wayfix-onboard pair); if that was not you ashore, somebody else is on this network",
     ),
-    "keys-read": EventKind("info", "the allow list was read: {count} stations", "nothing to do"),
+    "keys-read": EventKind("info", "the allow list was read, stations on it: {count}", "nothing to do"),
     "keys-damaged": EventKind(
         "warning", "{file}: {count} faults, the first: {first}", "mend the file, then reload it (docs/security.md)"
     ),

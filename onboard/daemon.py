@@ -74,8 +74,7 @@ def next_start_no(state_dir: Path | None) -> tuple[int, str | None]:
 
 def status_text(boat_id: str, delivering: int, sensors: int, clients: int) -> str:
     """How the boat is, for `systemctl status`."""
-    told = f"{delivering} of {counted(sensors, 'sensor')} {'delivers' if sensors == 1 else 'deliver'}"
-    return f"boat {boat_id}, {told}, {counted(clients, 'client')}"
+    return f"boat {boat_id}, {delivering} of {sensors} sensors deliver, {counted(clients, 'client')}"
 
 
 class Daemon:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from common.units import NS_PER_S
-from common.words import counted
 
 WINDOW_NS: Final = 10 * NS_PER_S
 CONFIRM_NS: Final = 4 * NS_PER_S
@@ -86,6 +85,4 @@ class DamageWatch:
 
 
 def _share(bad: int, count: int) -> str | None:
-    return (
-        f"{bad} of {counted(count, 'line')} damaged: loose plug, wrong baud rate or a second reader?" if bad else None
-    )
+    return f"{bad} of {count} lines damaged: loose plug, wrong baud rate or a second reader?" if bad else None

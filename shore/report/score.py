@@ -21,6 +21,7 @@ from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.messages import Frame
 from common.units import NS_PER_S
+from common.words import counted
 from shore.navigation.measurements import Reader, TrueHeading
 
 Array = NDArray[np.float64]
@@ -96,7 +97,7 @@ def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     except (csv.Error, UnicodeDecodeError) as error:
         raise WayfixError(f"is no CSV text ({error})", str(path), cure) from error
     if len(rows) < LEAST_ROWS:
-        raise WayfixError(f"has {len(rows)} rows, two are the least", str(path), cure)
+        raise WayfixError(f"has {counted(len(rows), 'row')}, two are the least", str(path), cure)
     if missing := [name for name in REQUIRED_COLUMNS if name not in rows[0][1]]:
         raise WayfixError(f"has no column {', '.join(missing)}", str(path), cure)
     return rows

@@ -78,7 +78,7 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
 def _whole_text(newest: Newest, now: SourceState) -> str:
     gone = f", {now.gone} lost" if now.gone else ""
     missing = f"{now.missing} missing" if now.catching_up is None else catching_up_text(now.catching_up)
-    counts = f"{now.received} frames, {missing}{gone}"
+    counts = f"{counted(now.received, 'frame')}, {missing}{gone}"
     text = f"{_estimate_text(newest)} | {_fix_text(newest)} | {_heading_text(newest)} | {counts}"
     if not now.has_log:
         text = f"NO LOG | {text}"
