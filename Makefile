@@ -3,6 +3,8 @@
 
 PYTHON ?= python3
 VENV := .venv
+# Where `make install` puts the two commands: a directory that Debian and Ubuntu have on the PATH once it exists.
+PREFIX ?= $(HOME)/.local
 BIN := $(VENV)/bin
 EXTRAS := onboard,shore,report
 # Three kinds of tests. PURE ones burn a core each: one worker for each, and they give way to all others
@@ -19,10 +21,11 @@ REAL := $(addprefix tests/,floor link service system) $(CLOCK)
 DIFFERING := $(addprefix tests/,layout messages station)
 TOGETHER := $(MAKE) --no-print-directory --keep-going --jobs=2 --output-sync=target
 
-.PHONY: demo test test-slow fast differing differing-pure lint-and-fast-pure fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
+.PHONY: demo install test test-slow fast differing differing-pure lint-and-fast-pure fast-pure fast-real slow-pure slow-real golden soak nightly loopback lint check-python clean help
 
 help:
 	@echo "make demo       a whole boat on this machine: table and picture in demo-out/"
+	@echo "make install    wayfix and wayfix-onboard on the PATH (PREFIX=$(PREFIX))"
 	@echo "make test       lint, types, import rules and the fast tests"
 	@echo "make test-slow  whole runs, link faults, statistics, Debian 12's own libraries, a real systemd"
 	@echo "make golden     replay the golden cases and write what they give now; read the difference (tests/golden)"
@@ -47,7 +50,13 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt | check-python
 	@touch $(VENV)/run.stamp $@
 
 demo: $(VENV)/run.stamp
-	$(BIN)/wayfix demo --log demo-out --json
+	$(BIN)/wayfix demo --log demo-out
+
+install: $(VENV)/run.stamp
+	@mkdir -p '$(PREFIX)/bin'
+	@for each in wayfix wayfix-onboard; do ln -sf '$(CURDIR)/$(BIN)'/$$each '$(PREFIX)/bin'/$$each; done
+	@echo "wayfix and wayfix-onboard are in $(PREFIX)/bin; they run from $(CURDIR)"
+	@case ":$$PATH:" in *":$(PREFIX)/bin:"*) ;; *) echo "$(PREFIX)/bin is not on your PATH: PATH=\$$PATH:$(PREFIX)/bin for this terminal" ;; esac
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -6,16 +6,28 @@ Exit 0 = done (also after Ctrl-C), 1 = ran and the answer is no, 2 = wrong input
 import argparse
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from common.errors import SettingsError, WayfixError
+from common.words import did_you_mean, how_to_install
 
 N = TypeVar("N", int, float)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser, and those of its subcommands, that name the nearest of the known words."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments, exit code 2."""
+        wrong = re.search(r"invalid choice: '(?P<given>[^']*)' \(choose from (?P<known>.*)\)", message)
+        known = [] if wrong is None else re.findall(r"[^\s,']+", wrong["known"])
+        super().error(message + (did_you_mean(wrong["given"], known) if wrong else ""))
 
 
 def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
@@ -39,7 +51,7 @@ def run_command(program: str, extra: str, command: Callable[[], int]) -> int:
         _drop(1)
         return 0
     except ModuleNotFoundError as error:
-        return _refuse(program, f"{error.name} is missing; pip install 'wayfix[{extra}]'")
+        return _refuse(program, f"{error.name} is missing; {how_to_install(extra)}")
     except OSError as error:
         _drop(1)
         where = f" {error.filename}" if error.filename else ""

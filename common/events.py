@@ -23,7 +23,7 @@ class EventKind:
 
 
 EVENTS: Final[dict[str, EventKind]] = {
-    "daemon-started": EventKind("info", "daemon started, {sensors} sensors configured", "nothing to do"),
+    "daemon-started": EventKind("info", "daemon started, configured sensors: {sensors}", "nothing to do"),
     "daemon-stopping": EventKind("info", "daemon stops: {reason}", "nothing to do"),
     "daemon-resumed": EventKind(
         "warning",
@@ -84,12 +84,12 @@ EVENTS: Final[dict[str, EventKind]] = {
     "frame-failed": EventKind(
         "error", "frame {seq} could not be encoded and was not sent: {reason}", "report this configuration"
     ),
-    "ticks-missed": EventKind("warning", "the board slept: {count} frame periods passed at once", "nothing to do"),
+    "ticks-missed": EventKind("warning", "the board slept, frame periods passed at once: {count}", "nothing to do"),
     "client-joined": EventKind("info", "client {client} joined", "nothing to do"),
     "client-left": EventKind("info", "client {client} left: {reason}", "nothing to do"),
     "frames-gone": EventKind(
         "warning",
-        "{count} frames from {seq} on are lost: the boat does not hold them any more",
+        "frames from {seq} on that the boat does not hold any more, so that they are lost: {count}",
         "give the board's [spool] more room, or a card that is faster",
         side=STATION,
     ),
@@ -110,6 +110,12 @@ EVENTS: Final[dict[str, EventKind]] = {
         "warning",
         "the disk of the log has been busy for {age_s} s: a power cut now takes that much of the log",
         "use a faster disk; nothing of the run waits for it",
+        side=STATION,
+    ),
+    "log-gone": EventKind(
+        "warning",
+        "the log {file} was removed or moved while it was written: {new} begins, and the boat sends the frames again",
+        "leave a log alone until its run has ended",
         side=STATION,
     ),
     "daemon-restarted": EventKind(
@@ -136,7 +142,7 @@ EVENTS: Final[dict[str, EventKind]] = {
         "pairing ended without a key: {reason}",
         "ask for a new code (wayfix-onboard pair); if that was not you ashore, somebody else is on this network",
     ),
-    "keys-read": EventKind("info", "the allow list was read: {count} stations", "nothing to do"),
+    "keys-read": EventKind("info", "the allow list was read, stations on it: {count}", "nothing to do"),
     "keys-damaged": EventKind(
         "warning", "{file}: {count} faults, the first: {first}", "mend the file, then reload it (docs/security.md)"
     ),

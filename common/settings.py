@@ -13,12 +13,12 @@ import tomllib
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from common.errors import SettingsError
 from common.field_bounds import MaxLength, NeededFor, OneOf, OnlyFor, Range, SomeOnce
+from common.words import did_you_mean
 
 T = TypeVar("T")
 
@@ -93,8 +93,7 @@ def _table(data: Any, table: type, where: str, faults: list[str], use: str | Non
     hints = _hints(table, use)
     for key in data:
         if key not in hints:
-            near = get_close_matches(str(key), hints, 1)
-            hint = f", did you mean {near[0]}?" if near else f" (known: {', '.join(hints)})"
+            hint = did_you_mean(str(key), hints) or f" (known: {', '.join(hints)})"
             faults.append(f"{_join(where, key)}: unknown key{hint}")
     values = {}
     for field in dataclasses.fields(table):

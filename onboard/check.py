@@ -5,6 +5,7 @@ import sys
 from typing import Any
 
 from common.errors import WayfixError
+from common.words import counted
 
 
 def add_arguments(commands: Any) -> None:
@@ -20,7 +21,7 @@ def _check(arguments: argparse.Namespace) -> int:
     from onboard.reading.ports import OPEN_ERRORS, open_serial, reason_of
 
     config = load(arguments.config)
-    counts = f"{len(config.port)} ports, {len(config.sensor)} sensors"
+    counts = f"{counted(len(config.port), 'port')}, {counted(len(config.sensor), 'sensor')}"
     sys.stdout.write(f"{arguments.config}: boat {config.boat.id}, {counts}\n")
     faults = []
     width = max(len(port.path) for port in config.port)

@@ -18,6 +18,7 @@ from common.framer import Identity
 from common.messages import Event, Frame
 from common.settings import as_dict
 from common.units import NS_PER_S, NS_PER_US
+from common.words import counted
 from onboard.alive import AliveMark
 from onboard.control.handlers import Commands
 from onboard.control.key_handlers import KeyRequests
@@ -73,8 +74,7 @@ def next_start_no(state_dir: Path | None) -> tuple[int, str | None]:
 
 def status_text(boat_id: str, delivering: int, sensors: int, clients: int) -> str:
     """How the boat is, for `systemctl status`."""
-    plural = "" if clients == 1 else "s"
-    return f"boat {boat_id}, {delivering} of {sensors} sensors deliver, {clients} client{plural}"
+    return f"boat {boat_id}, {delivering} of {sensors} sensors deliver, {counted(clients, 'client')}"
 
 
 class Daemon:

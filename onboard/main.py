@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from common.command import run_command
+from common.command import Parser, run_command
 from onboard.notify import log_handler, program_name
 
 
@@ -25,7 +25,7 @@ def _parser() -> argparse.ArgumentParser:
     from onboard.spool import command as spool
     from onboard.virtual import command as virtual
 
-    parser = argparse.ArgumentParser(prog="wayfix-onboard", description="Wayfix on the boat.")
+    parser = Parser(prog="wayfix-onboard", description="Wayfix on the boat.")
     parser.add_argument("-v", "--verbose", action="store_true", help="log details too")
     parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

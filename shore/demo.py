@@ -28,6 +28,7 @@ from common.errors import LinkError, WayfixError
 from common.key_list import Entry, with_entry
 from common.keys import new_keys, write_own
 from common.link_messages import MAX_WINDOW
+from common.words import how_to_install
 from shore.link.link import Link
 from shore.link.transport import LinkKeys
 from shore.live.run import LiveRun, Options, StopFlag, Tally
@@ -73,7 +74,7 @@ class Child:
         program = Path(sys.executable).with_name("wayfix-onboard")
         if not program.exists():
             raise WayfixError(
-                "wayfix-onboard is not installed here", str(program.parent), "pip install '.[onboard,shore]'"
+                "wayfix-onboard is not installed here", str(program.parent), how_to_install("onboard,shore")
             )
         self.name = name
         self.last_lines: deque[str] = deque(maxlen=5)
@@ -292,7 +293,7 @@ class Demo:
             draw(picture, score, frames, estimates, title)
             summary["picture"] = str(picture)
         except ImportError:
-            self._say("no picture: matplotlib is missing; pip install 'wayfix[report]'")
+            self._say(f"no picture: matplotlib is missing; {how_to_install('report')}")
         except OSError as error:
             self._say(f"no picture: {picture} cannot be written ({error.strerror})")
         return summary

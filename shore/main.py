@@ -8,8 +8,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from common.command import number, run_command
+from common.command import Parser, number, run_command
 from common.errors import WayfixError
+from common.words import counted
 from shore.exports.arguments import add_arguments as add_export_arguments
 from shore.imports.arguments import add_arguments as add_import_arguments
 from shore.lab.arguments import add_arguments as add_lab_arguments
@@ -36,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="wayfix", description="Wayfix ashore.")
+    parser = Parser(prog="wayfix", description="Wayfix ashore.")
     parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add(commands, "connect", "receive, filter and log a boat's frames", add_connect_arguments, _connect)
@@ -117,7 +118,7 @@ def _demo(arguments: argparse.Namespace) -> int:
         return 0
     counts = summary["frames"]
     if "position_rms_m" not in summary:
-        print(f"stopped after {counts['received']} frames, {counts['lost']} lost")
+        print(f"stopped after {counted(counts['received'], 'frame')}, {counts['lost']} lost")
         print(f"log     {summary['log']}")
         finish(arguments, summary)
         return 0

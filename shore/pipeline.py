@@ -69,6 +69,10 @@ class Pipeline:
             return Output()
         return self._through(frame)
 
+    def has(self, frame: Frame) -> bool:
+        """Whether this frame was taken in, under the newest clock."""
+        return frame.boot_id in self._seen and frame.seq in self._seen[frame.boot_id]
+
     def _through(self, frame: Frame) -> Output:
         """The row of stages."""
         output = Output(*self._own_ship.push(frame))

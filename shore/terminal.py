@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from typing import Any
 
 from common.command import printable
 from common.errors import WayfixError
+from common.words import did_you_mean
 
 
 def say(line: str) -> None:
@@ -22,6 +24,14 @@ def say(line: str) -> None:
 def tell(line: str) -> None:
     """Print one line of data on stdout."""
     sys.stdout.write(f"{_shown(line)}\n")
+
+
+def width_of_stderr() -> int | None:
+    """Width of the terminal that words go to, characters; `None` = they go to a file or a pipe."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns or None
+    except (OSError, ValueError):
+        return None
 
 
 def _shown(text: str) -> str:
@@ -48,7 +58,8 @@ def filters_named(text: str) -> tuple[str, ...]:
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     for name in names or ("",):
         if name not in REGISTRY:
-            raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(REGISTRY)}")
+            near, known = did_you_mean(name, REGISTRY), ", ".join(REGISTRY)
+            raise WayfixError(f"unknown filter {name!r}{near}", "--filters", f"use one or more of {known}")
     return names
 
 

@@ -11,6 +11,7 @@ from common.simulation.scenarios_real import REAL_SCENARIOS
 from common.simulation.scenarios_thesis import THESIS
 from common.simulation.three_port_boat import three_port_boat
 from common.simulation.voyage import Voyage, boat_voyage
+from common.words import did_you_mean
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in (*THESIS, *OWN)}
 """Scenarios of the laboratory: one track each, many runs."""
@@ -26,14 +27,16 @@ def find_scenario(name: str, where: str = "--scenario") -> Scenario:
         cure = "use wayfix demo --scenario or wayfix-onboard virtual --scenario"
         raise WayfixError(f"{name} has another track for each seed, and runs here share one", where, cure)
     if name not in SCENARIOS:
-        raise WayfixError(f"there is no scenario {name!r}", where, f"choose one of: {', '.join(SCENARIOS)}")
+        what = f"there is no scenario {name!r}{did_you_mean(name, SCENARIOS)}"
+        raise WayfixError(what, where, f"choose one of: {', '.join(SCENARIOS)}")
     return SCENARIOS[name]
 
 
 def find_world(name: str, where: str = "--scenario") -> World:
     """The world called `name`; raises WayfixError with the names there are."""
     if name not in WORLDS:
-        raise WayfixError(f"there is no scenario {name!r}", where, f"choose one of: {', '.join(WORLDS)}")
+        what = f"there is no scenario {name!r}{did_you_mean(name, WORLDS)}"
+        raise WayfixError(what, where, f"choose one of: {', '.join(WORLDS)}")
     return WORLDS[name]
 
 

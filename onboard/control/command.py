@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from common.command import flat, number
+from common.words import counted
 from onboard.control.socket import ask, asked, runtime_of
 
 ANSWER_S = 15.0
@@ -100,7 +101,7 @@ def _reload(arguments: argparse.Namespace) -> int:
     told = _ask(arguments, "reload")
     for fault in told["faults"]:
         _say(f"allow list: {fault}")
-    _say(f"{told['keys']} stations may connect")
+    _say(f"{counted(told['keys'], 'station')} may connect")
     _finish(arguments, told)
     return 1 if told["faults"] else 0
 

@@ -20,6 +20,7 @@ from common.keys import fingerprint
 from common.messages import Frame
 from common.units import NS_PER_S
 from common.versions import LINK_VERSION, SCHEMA_VERSION, version_fault
+from common.words import counted
 from onboard.journal import Journal
 from onboard.link.backfill import Filling
 from onboard.link.client_leases import Pace, Session
@@ -236,7 +237,9 @@ class Server:
     def _refusal(self, key: str | None) -> tuple[str, str] | None:
         """Why there is no place for one more client with this key, and what to do."""
         if len(self._sessions) >= self._limits.clients:
-            return f"{self._limits.clients} clients are connected", "close another station, or raise --max-clients"
+            most = self._limits.clients
+            told = f"{counted(most, 'client')} {'is' if most == 1 else 'are'} connected"
+            return told, "close another station, or raise --max-clients"
         if key is not None and sum(other == key for other, _ in self._sessions) >= SESSIONS_OF_KEY:
             return f"{SESSIONS_OF_KEY} clients with this key are connected", "close one, or give each its own --keys"
         return None

@@ -24,6 +24,7 @@ from common.frames_file import FILE_FORMAT, is_frames_file, write_frames_file
 from common.messages import Frame
 from common.settings import as_dict
 from common.units import NS_PER_MS, NS_PER_S
+from common.words import counted
 from onboard.config import byte_budget, load
 from onboard.devices.nmea_sentence import address
 from onboard.reading.acquisition import Acquisition
@@ -107,7 +108,7 @@ class Conversion:
         lines = zip(self._starts_ns, self._ends_ns, self._paced.recording.lines, strict=True)
         for number, (start_ns, end_ns, data) in enumerate(lines):
             if number and number % PROGRESS_LINES == 0:
-                sys.stderr.write(f"{number} of {total} lines ({100 * number // total} %)\n")
+                sys.stderr.write(f"{number} of {counted(total, 'line')} ({100 * number // total} %)\n")
             if number in self._unused:
                 continue
             # Two chunks, as from a port: at a low baud rate a line in progress is what tells a pause from an end.
@@ -272,7 +273,7 @@ def _check_target(source: Path, target: Path) -> None:
 def words(summary: dict[str, Any]) -> Sequence[str]:
     """The summary for a person."""
     lines = summary["lines"]
-    parts = [f"{summary['file_lines']} lines in the recording"]
+    parts = [f"{counted(summary['file_lines'], 'line')} in the recording"]
     parts += [f"{count} left out: {reason}" for reason, count in summary["skipped"].items()]
     text = [", ".join(parts)]
     rows = [(f"accepted {sensor}", kinds) for sensor, kinds in summary["accepted"].items()] + [
@@ -288,5 +289,5 @@ def words(summary: dict[str, Any]) -> Sequence[str]:
     text += summary["notes"]
     if summary["pace"] == "baud":
         text.append("no times inside: lines follow each other at the baud rate; --lines-per-second X sets another pace")
-    text.append(f"{summary['out']}: {summary['frames']} frames, {summary['seconds']:.1f} s")
+    text.append(f"{summary['out']}: {counted(summary['frames'], 'frame')}, {summary['seconds']:.1f} s")
     return text

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+from common import words
 from common.atomic_file import check_target
 from common.codec import decode_frame
 from common.command import number
@@ -66,7 +67,8 @@ def _ls(arguments: argparse.Namespace) -> int:
         )
     size = sum(segment.size for segment in shelf.segments)
     written = ", being written" if is_being_written(directory) else ""
-    _say(f"{directory}: {len(rows)} starts, {len(shelf.segments)} segments, {size / 2**20:.1f} MiB{written}")
+    told = f"{words.counted(len(rows), 'start')}, {words.counted(len(shelf.segments), 'segment')}"
+    _say(f"{directory}: {told}, {size / 2**20:.1f} MiB{written}")
     _finish(arguments, {"directory": str(directory), "bytes": size, "segments": len(shelf.segments), "starts": rows})
     return 0
 
@@ -88,7 +90,8 @@ def _verify(arguments: argparse.Namespace) -> int:
         _tell(str(finding))
     is_sound = not any(finding.is_damage for _, finding in found)
     verdict = "nothing is damaged" if is_sound else "DAMAGED"
-    _say(f"{directory}: {frames} frames in {len(shelf.segments)} segments, {size / 2**20:.1f} MiB: {verdict}")
+    told = f"{words.counted(frames, 'frame')} in {words.counted(len(shelf.segments), 'segment')}"
+    _say(f"{directory}: {told}, {size / 2**20:.1f} MiB: {verdict}")
     records = [finding.as_record(boot_id) for boot_id, finding in found]
     _finish(arguments, {"directory": str(directory), "frames": frames, "sound": is_sound, "findings": records})
     return 0 if is_sound else 1
@@ -113,7 +116,10 @@ def _export(arguments: argparse.Namespace) -> int:
     greeting = _greeting(run, _header(held, directory), arguments.config)
     write_frames_file(out, greeting, counted)
     missing = last - first + 1 - counted.frames
-    _say(f"{out}: {counted.frames} frames of start {run.boot_id}" + (f", {missing} are lost" if missing else ""))
+    _say(
+        f"{out}: {words.counted(counted.frames, 'frame')} of start {run.boot_id}"
+        + (f", {missing} are lost" if missing else "")
+    )
     _finish(arguments, {"out": str(out), "boot_id": run.boot_id, "frames": counted.frames, "missing": missing})
     return 1 if missing else 0
 

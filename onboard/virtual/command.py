@@ -16,6 +16,7 @@ from common.clock import BoatClock
 from common.command import number
 from common.errors import WayfixError
 from common.units import NS_PER_MS
+from common.words import how_to_install
 from onboard.virtual.boat import LEAD_NS, VirtualBoat
 from onboard.virtual.config_file import config_text, is_ours
 from onboard.virtual.console import Console
@@ -128,7 +129,7 @@ def _need_numpy() -> None:
     try:
         import numpy  # noqa: F401, ICN001 - only to say in one sentence that it is missing
     except ModuleNotFoundError as error:
-        raise WayfixError("numpy is missing", "wayfix-onboard virtual", "pip install 'wayfix[shore]'") from error
+        raise WayfixError("numpy is missing", "wayfix-onboard virtual", how_to_install("shore")) from error
 
 
 def _source(args: argparse.Namespace) -> Source:

@@ -11,14 +11,14 @@ ORDERS: Final = ("recorded", "time")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `wayfix export`; `shore.exports.command` takes them."""
-    parser.add_argument("log", metavar="LOG", help="a log of `wayfix connect`, `import` or `replay --record`")
+    logs = "a log of `wayfix connect`, `import` or `replay --record`, or a directory: its newest trip"
+    parser.add_argument("log", metavar="LOG", help=logs)
     parser.add_argument("out", metavar="OUT", help="new file; csv and parquet: or a directory (DIR/) for all tables")
     parser.add_argument(
         "--to",
-        required=True,
         choices=FORMATS,
         metavar="FORMAT",
-        help=", ".join(f"{name}{_remark(kind)}" for name, kind in FORMATS.items()),
+        help=f"{', '.join(f'{name}{_remark(kind)}' for name, kind in FORMATS.items())} (default: as OUT ends)",
     )
     parser.add_argument(
         "--filter",

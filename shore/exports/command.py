@@ -10,13 +10,16 @@ from typing import Any, BinaryIO, Final, NamedTuple
 
 from common.atomic_file import check_target, whole_file
 from common.errors import WayfixError
+from common.words import counted
 from shore.exports.first_pass import Survey, survey_of
-from shore.exports.formats import FORMATS, HEAD, Format
+from shore.exports.formats import FORMATS, HEAD, Format, format_of
 from shore.exports.table import NAMES
 from shore.exports.track import RAW, ExportTrack
 from shore.logbook.log_reader import LogReader, read_log
+from shore.logbook.log_writer import late_logs
 from shore.navigation.timeline import HORIZON_S
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
+from shore.trips.listing import logs_in, newest_first, trip_of
 
 HEAVY: Final = {"kml": 50_000, "geojson": 200_000, "gpx": 200_000}
 """Number of points from which on programs that draw such files become slow."""
@@ -52,9 +55,9 @@ class Target(NamedTuple):
 def run(arguments: argparse.Namespace) -> int:
     """Write OUT. Exit code 1: there is no place in the log."""
     options = ExportOptions(
-        log=arguments.log,
+        log=_log(arguments.log),
         out=arguments.out,
-        to=arguments.to,
+        to=arguments.to or format_of(arguments.out),
         filter=arguments.filter,
         order=arguments.order,
         every_s=arguments.every,
@@ -72,6 +75,19 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     finish(arguments, summary)
     return 0 if summary["rows"] else 1
+
+
+def _log(given: str) -> str:
+    """The log that is meant: the newest trip of a directory, which is said. Raises WayfixError."""
+    if not Path(given).is_dir():
+        return given
+    late = {path for _, path in late_logs(Path(given))}
+    trips = newest_first(trip_of(path, lambda _scan: None) for path in logs_in([Path(given)]) if path not in late)
+    newest = next((trip.path for trip in trips if trip.is_log), None)
+    if newest is None:
+        raise WayfixError("holds no log", given, "give a log, or a directory with logs")
+    say(f"{newest}: the newest trip in {given}")
+    return str(newest)
 
 
 def _export(options: ExportOptions, kind: Format, reader: LogReader, target: Target) -> dict[str, Any]:
@@ -180,7 +196,10 @@ def _chosen(options: ExportOptions, survey: Survey) -> str:
 def _say_what(options: ExportOptions, track: ExportTrack) -> None:
     """Say what the rows are, and what is missing."""
     survey, clocks = track.survey, track.survey.clocks
-    what = f"fixes of {track.gps or 'the first GPS'}" if track.filter == RAW else f"estimates of {track.filter}"
+    one, many = ("fix", "fixes") if track.filter == RAW else ("estimate", "estimates")
+    what = (
+        f"{counted(track.rows, one, many)} of {(track.gps or 'the first GPS') if track.filter == RAW else track.filter}"
+    )
     how = (
         "as published live"
         if track.order == "recorded"
@@ -188,16 +207,17 @@ def _say_what(options: ExportOptions, track: ExportTrack) -> None:
     )
     if track.filter == RAW:
         how = "as they came" if track.order == "recorded" else "in order of boat time"
-    tell(f"{options.out}: {track.rows} {what}, {how}; {track.marks} events")
+    tell(f"{options.out}: {what}, {how}; {counted(track.marks, 'event')}")
     if survey.late and track.order == "recorded":
-        tell(f"{survey.late} frames came more than {HORIZON_S:g} s late; --order time puts them in their place")
+        late = counted(survey.late, "frame")
+        tell(f"{late} came more than {HORIZON_S:g} s late; --order time puts them in their place")
     if not clocks.know_utc:
         known = "the time of day, but no date" if clocks.has_time_of_day else "no UTC"
         tell(f"the log knows {known}: times are seconds of the log")
     if track.reader.damage:
         say(f"{options.log}: {track.reader.damage}; all that is sound was exported")
     if track.rows > HEAVY.get(options.to, track.rows):
-        tell(f"{track.rows} points make many programs slow; --every 1 gives one a second")
+        tell(f"{counted(track.rows, 'point')} make many programs slow; --every 1 gives one a second")
 
 
 def _summary(options: ExportOptions, track: ExportTrack, target: Target) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from types import ModuleType
 from typing import Final, NamedTuple
 
 from common.errors import WayfixError
+from common.words import did_you_mean, how_to_install
 
 
 class Format(NamedTuple):
@@ -36,7 +37,7 @@ class Format(NamedTuple):
                 import_module(self.needs)
             except ModuleNotFoundError as error:
                 what = f"{self.needs} is missing, which writes {name} files"
-                raise WayfixError(what, cure=f"pip install 'wayfix[{self.extra}]'") from error
+                raise WayfixError(what, cure=how_to_install(str(self.extra))) from error
 
 
 _HERE: Final = "shore.exports"
@@ -68,3 +69,17 @@ FORMATS: Final[dict[str, Format]] = {
         extra="report",
     ),
 }
+
+
+_SUFFIXES: Final = {"json": "geojson", "nm": "nmea", "txt": "nmea", "log": "nmea"}
+"""Other endings of file names -> format."""
+
+
+def format_of(out: str) -> str:
+    """The format that the ending of a file's name says. Raises WayfixError."""
+    ending = out.rpartition("/")[2].rpartition(".")[2].lower()
+    name = _SUFFIXES.get(ending, ending)
+    if name not in FORMATS:
+        what = f"the name says no format{did_you_mean(name, FORMATS)}"
+        raise WayfixError(what, out, f"give it an ending, or --to with one of {', '.join(FORMATS)}")
+    return name

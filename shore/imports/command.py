@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 from common.atomic_file import check_target
 from common.errors import WayfixError
 from common.units import NS_PER_S
+from common.words import counted
 from shore.imports.job import ImportOptions, Job
 from shore.imports.log_maker import Written
 from shore.imports.recognise import RecordingKind, recognise
@@ -153,7 +154,8 @@ def _tell_accounts(job: Job) -> None:
 
 def _tell_log(out: Path, written: Written, filters: Sequence[str]) -> None:
     held = ", ".join(f"{name} {count}" for name, count in sorted(written.measurements.items()))
-    tell(f"{out}: {written.frames} frames, {written.seconds:.1f} s from {_began(written) or 'an unknown date'}: {held}")
+    began = _began(written) or "an unknown date"
+    tell(f"{out}: {counted(written.frames, 'frame')}, {written.seconds:.1f} s from {began}: {held}")
     if filters:
         valid = f"position valid in {written.aligned_parts['position']}, heading in {written.aligned_parts['heading']}"
         tell(f"estimates of {', '.join(filters)}: {written.estimates.total()}; {valid}")

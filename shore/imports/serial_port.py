@@ -12,6 +12,7 @@ from typing import Any
 
 from common.errors import WayfixError
 from common.units import NS_PER_MS
+from common.words import how_to_install
 from shore.imports.line_counts import Account, Rejected
 from shore.imports.reader import Lines
 from shore.imports.recognise import SERVER_LINE
@@ -26,7 +27,7 @@ def convert(source: Path, target: Path, options: Sequence[str], say: Callable[[s
     # Beside the interpreter: found also when the virtual environment is not activated.
     program = Path(sys.executable).with_name("wayfix-onboard")
     if not program.exists():
-        cure = "pip install 'wayfix[onboard,shore]'"
+        cure = how_to_install("onboard,shore")
         raise WayfixError("serial recordings need wayfix-onboard, which is not here", str(program.parent), cure)
     command = [str(program), "convert", str(source), str(target), "--json", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603

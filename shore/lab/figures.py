@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from common.errors import WayfixError
+from common.words import counted, how_to_install
 from shore.lab.batch import RunTrack
 from shore.lab.parallel_runs import RAW, Result
 from shore.lab.statistics import running_rms, squared_errors, window_variance
@@ -90,9 +91,7 @@ def pyplot() -> Any:
     try:
         import matplotlib as mpl
     except ModuleNotFoundError as error:
-        raise WayfixError(
-            "matplotlib is missing, so there are no pictures", cure="pip install 'wayfix[report]'"
-        ) from error
+        raise WayfixError("matplotlib is missing, so there are no pictures", cure=how_to_install("report")) from error
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
@@ -101,7 +100,7 @@ def pyplot() -> Any:
 
 def _one_run(result: Result) -> str:
     return (
-        f"Scenario {result.name} (simulation), first of {result.runs} runs, seed {result.seed}, "
+        f"Scenario {result.name} (simulation), first of {counted(result.runs, 'run')}, seed {result.seed}, "
         f"profile {result.setting.profile}"
     )
 

@@ -12,6 +12,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from common.errors import WayfixError
+from common.words import did_you_mean
 from shore.navigation.filter_registry import REGISTRY, build_filter
 from shore.navigation.filters import FilterState
 from shore.navigation.kalman import prior_variance
@@ -170,5 +171,6 @@ def check_methods(names: Iterable[str]) -> tuple[str, ...]:
     unique = tuple(dict.fromkeys(name.strip() for name in names if name.strip()))
     for name in unique or ("",):
         if name not in METHODS:
-            raise WayfixError(f"unknown filter {name!r}", "--filters", f"use one or more of {', '.join(METHODS)}")
+            near, known = did_you_mean(name, METHODS), ", ".join(METHODS)
+            raise WayfixError(f"unknown filter {name!r}{near}", "--filters", f"use one or more of {known}")
     return unique

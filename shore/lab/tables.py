@@ -7,6 +7,7 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 
 from common.simulation.scenarios import WORLDS
+from common.words import counted
 from shore.lab.methods import METHODS
 from shore.lab.parallel_runs import RAW, Result
 from shore.lab.scores import LEAST_RUNS_FOR_Z, WHOLE, bound_of, comparisons, score
@@ -56,33 +57,42 @@ def tables_of(result: Result) -> Iterable[RenderableType]:
     steps = len(result.bound) - 1
     yield (
         f"[bold]{scenario.name}[/bold]: {scenario.text}\n"
-        f"{steps} steps of {result.setting.runs.step_s:g} s, {result.runs} runs, seed {result.seed}, "
+        f"{steps} steps of {result.setting.runs.step_s:g} s, {counted(result.runs, 'run')}, seed {result.seed}, "
         f"profile {result.setting.profile}; MSE with 95 % interval, in brackets the sd of one run"
     )
-    yield _main_table(result)
+    yield from _main_tables(result)
     yield from bound_remarks(result)
     yield from _comparison_table(result)
     yield from _span_table(result)
 
 
-def _main_table(result: Result) -> Table:
-    table = Table(box=None, pad_edge=False)
-    reference = result.setting.reference
-    for heading in ("filter", "east, m²", "north, m²", "heading, deg²", f"x {reference}", "x bound"):
-        table.add_column(heading, justify="left" if heading == "filter" else "right")
-    for heading in ("ANEES", "ANIS", "µs a run-step", "live µs"):
-        table.add_column(heading, justify="right")
+def _main_tables(result: Result) -> Iterable[Table]:
+    """Errors, what they mean, and what they cost: one table of all is wider than a terminal of 80 columns."""
+    errors = _table("filter", "east, m²", "north, m²", "heading, deg²")
+    meanings = _table("filter", f"x {result.setting.reference}", "x bound", "ANEES", "ANIS")
+    costs = _table("filter", "µs a run-step", "live µs")
     for method in (RAW, *result.asked):
         scored = score(result, method)
         cells = [_mse_cell(mean, sd) for mean, sd in zip(scored.mse, scored.sd, strict=True)]
+        errors.add_row("raw sensors" if method == RAW else method, *cells)
         if method == RAW:
-            table.add_row("raw sensors", *cells)
             continue
         ratios = " ".join(f"{each.value:.3f}" for each in scored.ratio)
         to_bound = " ".join(plain(each, ".3f") for each in scored.to_bound)
-        numbers = (f"{scored.anees:.2f}", plain(scored.anis, ".2f"), f"{scored.us_per_step:.1f}")
-        table.add_row(method, *cells, ratios, to_bound, *numbers, f"{scored.live_us:.0f}")
-    table.add_row("bound", *(f"{least:.3g}" for least in bound_of(result)))
+        meanings.add_row(method, ratios, to_bound, f"{scored.anees:.2f}", plain(scored.anis, ".2f"))
+        costs.add_row(method, f"{scored.us_per_step:.1f}", f"{scored.live_us:.0f}")
+    errors.add_row("bound", *(f"{least:.3g}" for least in bound_of(result)))
+    yield errors
+    yield meanings
+    yield costs
+
+
+def _table(first: str, *headings: str) -> Table:
+    """An empty table: words in the first column, numbers in the others."""
+    table = Table(box=None, pad_edge=False)
+    table.add_column(first)
+    for heading in headings:
+        table.add_column(heading, justify="right")
     return table
 
 
@@ -92,7 +102,7 @@ def _comparison_table(result: Result) -> Iterable[RenderableType]:
         return
     printed = PUBLISHED[result.name]
     table = Table(title=f"Table {printed.table} beside our runs", title_justify="left", box=None, pad_edge=False)
-    for heading in ("published", "east, m²", "north, m²", "heading, deg²", "z of each (log, single runs)"):
+    for heading in ("published", "east, m²", "north, m²", "hdg, deg²", "z of each"):
         table.add_column(heading, justify="left" if heading == "published" else "right", no_wrap=True)
     for row in found:
         name = row_name(result, row.method)
@@ -125,23 +135,14 @@ def _span_table(result: Result) -> Iterable[Table]:
     parts = [span for span in result.setting.spans if span != WHOLE]
     if not parts:
         return
-    reference = result.setting.reference
-    table = Table(title="Parts of the run", title_justify="left", box=None, pad_edge=False)
-    table.add_column("filter", no_wrap=True)
-    for span in parts:
-        rows = result.setting.spans[span]
-        table.add_column(f"{span} ({rows.start}-{rows.stop - 1}): MSE; x {reference}", justify="right")
+    table = _table("filter", "part", "steps", "MSE", f"x {result.setting.reference}")
+    table.title, table.title_justify = "Parts of the run", "left"
     for method in result.asked:
-        scores = [score(result, method, span) for span in parts]
-        table.add_row(
-            method,
-            *(
-                " ".join(f"{each.value:.3g}" for each in scored.mse)
-                + ";  "
-                + " ".join(f"{each.value:.2f}" for each in scored.ratio)
-                for scored in scores
-            ),
-        )
+        for span in parts:
+            scored, rows = score(result, method, span), result.setting.spans[span]
+            mse = " ".join(f"{each.value:.3g}" for each in scored.mse)
+            ratios = " ".join(f"{each.value:.2f}" for each in scored.ratio)
+            table.add_row(method, span, f"{rows.start}-{rows.stop - 1}", mse, ratios)
     yield table
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from common.simulation.scenario import Scenario
 from common.simulation.scenarios import SCENARIOS
+from common.words import counted
 from shore.lab import html_page as page
 from shore.lab.batch import Profile
 from shore.lab.figures import pictures
@@ -111,8 +112,9 @@ def _short(scenario: Scenario) -> str:
 def _scenario(results: Results, name: str) -> Iterator[str]:
     result = results[name, "stated"]
     yield f'<h3 id="{name}">{name}: {escape(result.setting.scenario.text)}</h3>'
+    runs = counted(result.runs, "run")
     yield (
-        f'<p class="note">{len(result.bound) - 1} steps of {result.setting.runs.step_s:g} s, {result.runs} runs, '
+        f'<p class="note">{len(result.bound) - 1} steps of {result.setting.runs.step_s:g} s, {runs}, '
         "profile stated. MSE ± half the 95 % interval; ratios of mean MSEs: east, north, heading.</p>"
     )
     yield _main_table(result)

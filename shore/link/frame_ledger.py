@@ -1,12 +1,15 @@
-"""Missing-frame ledger (sequence gaps, backfill): which frames of one boat are here, and which are wanted still. Pure.
+"""Missing-frame ledger (sequence gaps, backfill): which frames are here, which are wanted, whose trip they are. Pure.
 
 A station wants every frame made since it first met the boat, of whatever start of the daemon, but for those the boat no
 longer holds.
+
+A trip begins with the daemon start in which the station joined, or where it joined when another trip is of that start
+already. It ends where the next one begins: so each frame is of one trip, whenever it comes.
 """
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any, Final
 
 from common.link_messages import MAX_MISSING, FrameRange
@@ -14,6 +17,8 @@ from common.seqset import SeqSet
 
 MAX_STARTS: Final = 200
 """Most starts of the daemon that are remembered."""
+MAX_LACKS: Final = 1000
+"""Most ranges that a log says it lacks."""
 
 
 @dataclass(slots=True)
@@ -26,6 +31,8 @@ class StartLedger:
     seen: SeqSet = field(default_factory=SeqSet)
     gone: SeqSet = field(default_factory=SeqSet)
     """Numbers of frames that the board does not hold any more."""
+    trips: list[tuple[int, str]] = field(default_factory=list)
+    """The trips that begin in this start, oldest first: number of the first frame, name of the log."""
 
     def missing(self) -> Iterator[tuple[int, int]]:
         """Ranges that are neither here nor gone, in order."""
@@ -87,24 +94,77 @@ class Ledger:
 
     def missing(self, limit: int = MAX_MISSING) -> tuple[FrameRange, ...]:
         """The oldest missing ranges, as a lease lists them."""
-        return tuple(islice(self._missing(), limit))
+        return tuple(islice(self.all_missing(), limit))
+
+    def begin_trip(self, boot_id: str, next_seq: int, name: str) -> None:
+        """The station joined this start for the trip `name`, or came back to it; its next frame is `next_seq`."""
+        start = self._starts[boot_id]
+        if not start.trips:
+            start.trips.append((start.first, name))
+        elif start.trips[-1][1] != name:
+            start.trips.append((next_seq, name))
+
+    def rename_trip(self, before: str, name: str) -> None:
+        """The log of a trip has another name now."""
+        for start in self._starts.values():
+            start.trips[:] = [(first, name if known == before else known) for first, known in start.trips]
+
+    def trip_of(self, boot_id: str, seq: int) -> str | None:
+        """The trip that a frame is of: the newest that had begun when it was made; `None` = it is not known."""
+        found = None
+        for start in self._starts.values():
+            is_own = start.boot_id == boot_id
+            found = next((name for first, name in reversed(start.trips) if not is_own or first <= seq), found)
+            if is_own:
+                break
+        return found
+
+    def missing_of(self, name: str) -> Iterator[FrameRange]:
+        """What a trip lacks still."""
+        for item in self.all_missing():
+            for first, last in self._parts(self._starts[item.boot_id], item.first, item.last):
+                if self.trip_of(item.boot_id, first) == name:
+                    yield FrameRange(item.boot_id, first, last)
+
+    def lacks_of(self, name: str) -> list[list[Any]]:
+        """The oldest ranges that a trip lacks still, for the records of its log: [boot_id, first, last] each."""
+        return [[item.boot_id, item.first, item.last] for item in islice(self.missing_of(name), MAX_LACKS)]
+
+    def forget_trip(self, name: str) -> None:
+        """Its log is gone: its frames are wanted once more."""
+        for start in self._starts.values():
+            parts = [part for first, last in start.seen for part in self._parts(start, first, last)]
+            start.seen = SeqSet(part for part in parts if self.trip_of(start.boot_id, part[0]) != name)
+
+    @staticmethod
+    def _parts(start: StartLedger, first: int, last: int) -> Iterator[tuple[int, int]]:
+        """A range cut where trips begin."""
+        begins = (begin for begin, _ in start.trips if first < begin <= last)
+        for part, end in pairwise((first, *begins, last + 1)):
+            if part < end:
+                yield part, end - 1
+
+    def is_newest(self, boot_id: str, seq: int) -> bool:
+        """True for the newest frame of the newest start, as far as is known."""
+        return boot_id == next(reversed(self._starts)) and seq + 1 >= self._starts[boot_id].upto
 
     @property
     def has_hole(self) -> bool:
         """True when a frame is missing."""
-        return next(self._missing(), None) is not None
+        return next(self.all_missing(), None) is not None
 
     @property
     def missing_count(self) -> int:
         """Number of frames that are still to come."""
-        return sum(item.last - item.first + 1 for item in self._missing())
+        return sum(item.last - item.first + 1 for item in self.all_missing())
 
     @property
     def gone_count(self) -> int:
         """Number of frames that are lost for good."""
         return sum(len(start.gone) for start in self._starts.values())
 
-    def _missing(self) -> Iterator[FrameRange]:
+    def all_missing(self) -> Iterator[FrameRange]:
+        """Every missing range, oldest first."""
         for start in self._starts.values():
             for first, last in start.missing():
                 yield FrameRange(start.boot_id, first, last)
@@ -118,6 +178,7 @@ class Ledger:
                 "upto": start.upto,
                 "seen": [list(item) for item in start.seen],
                 "gone": [list(item) for item in start.gone],
+                "trips": [list(item) for item in start.trips],
             }
             for start in self._starts.values()
         ]

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Final
 from common.command import number
 from common.errors import LinkError, NoAnswerError, WayfixError
 from common.link_messages import MAX_PERIOD_S, MAX_RUN_FRAMES, MIN_PERIOD_S
+from common.words import counted
 from shore.link.choose_boat import Seeker, add_meeting_arguments, link_to, looker, meet
 from shore.logbook.trip_arguments import add_trip_arguments
 from shore.settings.arguments import add_filter_arguments, add_settings
-from shore.terminal import add_json, finish, say
+from shore.terminal import add_json, finish, say, tell
 
 if TYPE_CHECKING:
     from shore.link.known_boats import Boats
-    from shore.live.run import Options, Tally
+    from shore.live.run import LiveRun, Options, Tally
 
 WAIT_S: Final = 30.0
 """Time-out of one greeting with --wait, s: over a bad radio it takes long."""
@@ -40,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="wait for a boat that does not answer yet, until Ctrl-C",
     )
-    parser.add_argument("--log", type=Path, metavar="DIR", help="write a log into this directory")
+    kept = parser.add_mutually_exclusive_group()
+    kept.add_argument("--log", metavar="DIR", help="directory of the logs (default: that of the settings, else logs)")
+    kept.add_argument("--no-log", dest="log", action="store_const", const="", help="keep no log")
     add_trip_arguments(parser)
     add_settings(parser)
     add_filter_arguments(parser, "those of the settings, else fuzzy")
@@ -63,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -> int:
+    from shore.live.earlier_trips import complete_trips
     from shore.live.run import LiveRun, StopFlag
 
     address, boat = meet(arguments, boats)
@@ -80,12 +84,27 @@ def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -
             raise
         finally:
             link.close()
+    if live.log_path is not None:
+        complete_trips(live.log_path.parent, say)
+    for line in live.account.lines():
+        tell(line)
+    tell(_log_line(live))
     counts = {"received": tally.received, "missing": tally.missing}
     fault = None if live.log_fault is None else str(live.log_fault)
     if fault is not None:
         say(f"the log ended before the run: {fault}; the next `wayfix connect` fetches what it lacks")
-    finish(arguments, {"frames": counts, "log": str(live.log_path) if live.log_path else None, "log_fault": fault})
+    log = str(live.log_path) if live.log_path else None
+    finish(arguments, {"frames": counts, "log": log, "log_fault": fault, "trip": live.account.as_record()})
     return _exit_code(tally, options, is_stopped=stop()) or int(fault is not None)
+
+
+def _log_line(live: "LiveRun") -> str:
+    """Where the log is, and what it lacks still."""
+    if live.log_path is None:
+        return "log     none was kept (--log DIR keeps one)"
+    missing = live.tally.missing
+    still = f"; {counted(missing, 'frame')} had not come, the next `wayfix connect` fetches them" if missing else ""
+    return f"log     {live.log_path}{still}"
 
 
 def _options(arguments: argparse.Namespace) -> "Options":
@@ -97,18 +116,19 @@ def _options(arguments: argparse.Namespace) -> "Options":
     if arguments.period is not None and arguments.frames is None:
         raise WayfixError("--period needs --frames", cure="give --frames M too, or leave --period out")
     period_s = 1.0 if arguments.frames is not None and arguments.period is None else arguments.period
-    settings = station_settings(arguments.settings, arguments.filters, arguments.step)
+    settings = station_settings(arguments.settings, arguments.filters, arguments.step, arguments.log)
+    directory = Path(settings.log.directory).expanduser() if settings.log.directory else None
     trip = trip_record(arguments.name, arguments.place, arguments.note)
-    if trip is not None and arguments.log is None:
+    if trip is not None and directory is None:
         raise WayfixError("a name, place or note is kept in a log", "--name", "give --log DIR too")
     connect_s = WAIT_S if arguments.wait else CONNECT_TIMEOUT_S
-    return Options(settings, arguments.frames, period_s, arguments.log, trip, connect_s)
+    return Options(settings, arguments.frames, period_s, directory, trip, connect_s)
 
 
 def _exit_code(tally: "Tally", options: "Options", *, is_stopped: bool) -> int:
     if tally.end_reason is not None:
-        say(f"the boat ended the session after {tally.received} frames: {tally.end_reason}")
+        say(f"the boat ended the session after {counted(tally.received, 'frame')}: {tally.end_reason}")
     if options.frames is not None and tally.received < options.frames and not is_stopped:
-        say(f"only {tally.received} of {options.frames} frames were received")
+        say(f"only {tally.received} of {counted(options.frames, 'frame')} were received")
         return 1
     return 0

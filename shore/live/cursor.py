@@ -17,6 +17,7 @@ from common.errors import CodecError, WayfixError
 from shore.link.frame_ledger import Ledger, StartLedger
 from shore.logbook.lock import is_being_written, lock
 from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import late_logs
 from shore.logbook.schemas import FRAMES
 
 FORM: Final = 1
@@ -30,18 +31,24 @@ class Cursor:
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", boat_id)
         self._path = directory / f"{stem}.cursor"
         self._boat_id = boat_id
-        lock_path = directory / f".{stem}.cursor.lock"
-        if is_being_written(lock_path):
+        self._lock_path = directory / f".{stem}.cursor.lock"
+        if is_being_written(self._lock_path):
             cure = "give another --log directory, or stop it"
             raise WayfixError("another station writes logs of this boat here", str(directory), cure)
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            self._lock = FileIO(lock_path, "wb")
-        except OSError as error:
-            cure = "give a directory you may write to"
-            raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
-        lock(self._lock.fileno())
+        self._lock: FileIO | None = None
+        self.claim()
         self.ledger = self._load(say)
+
+    def claim(self) -> None:
+        """Keep other stations from writing here, once more where the directory was removed. Raises WayfixError."""
+        self.close()
+        try:
+            self._lock_path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = FileIO(self._lock_path, "wb")
+        except OSError as error:
+            directory, cure = str(self._lock_path.parent), "give a directory you may write to"
+            raise WayfixError(f"no log can be written here ({error.strerror})", directory, cure) from error
+        lock(self._lock.fileno())
 
     def saver(self, log: Path, log_time_ns: int) -> Callable[[], None]:
         """What to call, in any thread, once everything that is in the ledger now is on the disk; it raises OSError.
@@ -65,7 +72,8 @@ class Cursor:
 
     def close(self) -> None:
         """Let another station write here."""
-        self._lock.close()
+        if self._lock is not None:
+            self._lock.close()
 
     def _load(self, say: Callable[[str], None]) -> Ledger:
         try:
@@ -78,7 +86,9 @@ class Cursor:
             say(f"{self._path}: not readable; the boat is taken for a new one, and frames are asked for from now on")
             return Ledger()
         if log.exists():
-            _add_newer(ledger, log, since_ns)
+            _add_newer(ledger, log, since_ns, self._boat_id)
+        for _, late in late_logs(self._path.parent):  # of a station that was killed before it put them into the trip
+            _add_newer(ledger, late, 0, self._boat_id)
         return ledger
 
 
@@ -91,15 +101,19 @@ def _ledger_of(record: Any) -> Ledger:
         for name, seqs in (("seen", start.seen), ("gone", start.gone)):
             for first, last in item[name]:
                 seqs.add(int(first), int(last))
+        start.trips += [(int(first), str(name)) for first, name in item.get("trips", ())]
         starts.append(start)
+    if starts and not any(start.trips for start in starts):  # a cursor of an earlier Wayfix names the last trip alone
+        starts[-1].trips.append((starts[-1].first, str(record["log"])))
     return Ledger(starts)
 
 
-def _add_newer(ledger: Ledger, log: Path, since_ns: int) -> None:
+def _add_newer(ledger: Ledger, log: Path, since_ns: int, boat_id: str) -> None:
     for record in read_log(log).records(FRAMES):
         if record.log_time_ns >= since_ns:
             try:
                 frame = decode_frame(record.data)
             except CodecError:
                 continue
-            ledger.take(frame.boot_id, frame.first, frame.seq)
+            if frame.boat_id == boat_id:
+                ledger.take(frame.boot_id, frame.first, frame.seq)

@@ -1,14 +1,16 @@
 """Log of a live run: synced to the disk each second, with a checkpoint (the cursor) of the frames that it holds."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from common.errors import WayfixError
 from shore.live.cursor import Cursor
+from shore.live.earlier_trips import EarlierTrips
 from shore.logbook.background_writer import LogRecorder
 from shore.watchers.log import LogWatcher
-from shore.watchers.watcher import Start
+from shore.watchers.watcher import Arrival, Start
 
 
 class LiveLog(LogWatcher):
@@ -17,7 +19,9 @@ class LiveLog(LogWatcher):
     def __init__(self, directory: Path | None, boat_id: str, cursor: Cursor | None, say: Callable[[str], None]) -> None:
         """Raises WayfixError when the directory cannot be written."""
         self._recorder = LogRecorder(directory, boat_id, say)
+        self._say = say
         self._cursor = cursor
+        self._earlier = None if directory is None else EarlierTrips(directory)
         super().__init__(self._recorder.write)
 
     @property
@@ -40,9 +44,34 @@ class LiveLog(LogWatcher):
         super().begin(start, t_ns)
         self.checkpoint()
 
+    @property
+    def is_gone(self) -> bool:
+        """True when the log or its directory was removed or moved while it is written."""
+        return self._recorder.is_gone
+
+    def begin_again(self, start: Start, t_ns: int) -> list[str]:
+        """Begin another log in place of one that is gone; returns the earlier trips whose late frames are gone too."""
+        gone = self._earlier.drop_gone() if self._earlier is not None else []
+        self._recorder.begin_again()
+        if (cursor := self._cursor) is not None:
+            self._recorder.write(lambda _own: cursor.claim())
+        self.begin(start, t_ns)
+        return gone
+
+    def complete(self, trip: str, arrival: Arrival) -> None:
+        """Keep a frame of an earlier trip, the one whose log has this name."""
+        if (earlier := self._earlier) is not None:
+            self._recorder.write(lambda _own: earlier.take(trip, arrival))
+
     def end(self, tally: dict[str, Any], t_ns: int) -> None:
         """Write the `end` record, wait for the disk, and close."""
         super().end(tally, t_ns)
+        if (earlier := self._earlier) is not None and (cursor := self._cursor) is not None:
+            self._recorder.write(lambda _own: earlier.end(cursor.ledger.lacks_of, t_ns))
+        if (names := self._recorder.name_by_boat()) is not None:
+            self._say(f"this station's clock is not the boat's UTC: the log is {names[1]}")
+            if self._cursor is not None:  # it is written before the log has that name: whatever happens, it says enough
+                self._cursor.ledger.rename_trip(*names)
         self.checkpoint(wait=True)
         self._recorder.close()
         if self._cursor is not None:
@@ -53,7 +82,19 @@ class LiveLog(LogWatcher):
 
         A cursor that cannot be written costs frames that are sent twice.
         """
-        if self._cursor is None or self._recorder.path is None:
-            self._recorder.sync(lambda: None, wait=wait)
-        else:
-            self._recorder.sync(self._cursor.saver(self._recorder.path, self._recorder.log_time_ns), wait=wait)
+        self._recorder.sync(None if self._cursor is None else self._saver, wait=wait)
+
+    def _saver(self) -> Callable[[], None]:
+        """What writes the cursor, behind the late frames that it claims."""
+        assert self._cursor is not None
+        assert self._earlier is not None
+        assert self._recorder.path is not None
+        save = self._cursor.saver(self._recorder.path, self._recorder.log_time_ns)
+        late = self._earlier.flush()
+
+        def save_behind_late() -> None:
+            for descriptor in late:
+                os.fsync(descriptor)
+            save()
+
+        return save_behind_late

@@ -18,6 +18,7 @@ from common.link_messages import BoundedRun
 from common.messages import Event
 from common.settings import convert
 from common.units import NS_PER_MS, NS_PER_S
+from shore.link.catching_up import Backfill
 from shore.link.choose_boat import Seeker
 from shore.link.frame_ledger import Ledger
 from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
@@ -28,6 +29,7 @@ from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
 from shore.settings.station import DEFAULTS, StationSettings
+from shore.watchers.account import RunAccount
 from shore.watchers.say import SayEvents
 from shore.watchers.status import StatusLine
 from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step, Watchers
@@ -118,9 +120,17 @@ class LiveRun:
         cursor = Cursor(directory, boat_id, say) if directory is not None and options.frames is None else None
         self._ledger = Ledger() if cursor is None else cursor.ledger
         self._log = LiveLog(directory, boat_id, cursor, say)
+        self._trip = None if cursor is None or self._log.path is None else self._log.path.name
+        """Name of this trip in the ledger; `None` = no trip is told from another."""
+        self._backfill = Backfill()
+        self._has_newest = False
+        """Whether the newest frame has come since the board greeted or was silent. Older ones are not asked for before:
+        beside it they find their age, and what is older than the horizon starts no filter."""
         settings = options.settings
         self._status = StatusLine(settings.filter.names[0], say, settings)
-        self._watchers = Watchers(self._log, SayEvents(say, settings), self._status)
+        self.account = RunAccount()
+        """What the run was, so far."""
+        self._watchers = Watchers(self._log, SayEvents(say, settings), self._status, self.account)
         self._loss = LinkLoss()
         self._seconds = RunSeconds()
         self._is_disk_slow = False
@@ -181,12 +191,16 @@ class LiveRun:
     def _greet(self) -> None:
         """Learn from the greeting which frames there are."""
         runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self._connected["runs"]]
-        self._ledger.greet(str(self._connected["boot_id"]), int(self._connected["next_seq"]), runs)
+        boot_id, next_seq = str(self._connected["boot_id"]), int(self._connected["next_seq"])
+        self._ledger.greet(boot_id, next_seq, runs)
+        if self._trip is not None:
+            self._ledger.begin_trip(boot_id, next_seq, self._trip)
+        self._has_newest = False
 
     def _wants(self) -> Wants:
         """What the link's next lease asks for."""
         if self._options.frames is None:
-            return Wants(missing=self._ledger.missing())
+            return Wants(missing=self._ledger.missing() if self._has_newest else ())
         return Wants(run=BoundedRun(self._options.frames, self.tally.received, *self._next, self._options.period_s))
 
     @property
@@ -201,8 +215,6 @@ class LiveRun:
         for sensor in self._connected.get("sensors", []):
             reason = f": {sensor['reason']}" if sensor.get("reason") else ""
             self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
-        if waiting := self._ledger.missing_count:
-            self._say(f"{waiting} frames of before are fetched")
 
     def _receive(self) -> Received | None:
         try:
@@ -236,8 +248,18 @@ class LiveRun:
             return
         if self._ledger.has_hole:
             self._link.ask_soon()
-        self.tally.received += 1
+        is_again = self._pipeline.has(frame)
+        self.tally.received += not is_again
         self._next = frame.boot_id, frame.seq + 1
+        self._has_newest = self._has_newest or self._ledger.is_newest(frame.boot_id, frame.seq)
+        self._backfill.take(frame)
+        trip = self._ledger.trip_of(frame.boot_id, frame.seq)
+        if trip is not None and trip != self._trip:
+            self._log.complete(trip, Arrival(data, frame, self._start, now_ns))
+            return
+        if is_again:  # for a log that was begun again
+            self._log.take(Step.of(Arrival(data, frame, self._start, now_ns), Output()))
+            return
         arrival = Arrival(data, frame, self._start, now_ns, self._seconds.at(frame))
         try:
             step = Step.of(arrival, self._pipeline.push(frame))
@@ -267,7 +289,24 @@ class LiveRun:
         if happening is not None:
             self._watchers.happened(happening, time.time_ns() if now_ns is None else now_ns)
 
+    def _begin_log_again(self) -> None:
+        """The log was removed: another one begins, and the board sends once more what was in the first."""
+        before, now_ns = str(self._log.path), time.time_ns()
+        record = {**self._start.record, "options": {**self._start.options, "begun_again": Path(before).name}}
+        gone = self._log.begin_again(Start(record, self._config), now_ns)
+        if self.log_fault is not None:
+            return
+        self._happened(event("log-gone", self._t_ns, "log", file=before, new=str(self._log.path)), now_ns)
+        if self._trip is None or self._log.path is None:
+            return
+        self._ledger.rename_trip(self._trip, self._log.path.name)
+        self._trip = self._log.path.name
+        for trip in (self._trip, *gone):
+            self._ledger.forget_trip(trip)
+
     def _each_second(self) -> None:
+        if self._log.is_gone:
+            self._begin_log_again()
         self._log.checkpoint()  # first: a fault of the disk belongs into this second's line
         limits = self._options.settings.limits
         is_slow = self._log.behind_s > limits.log_behind_s
@@ -279,6 +318,7 @@ class LiveRun:
         if not is_lost:
             self._happened(self._loss.heard(self._ledger.missing_count, self.tally.received, self._t_ns))
         else:
+            self._has_newest = False
             self._happened(self._loss.silent(silent_s, now_ns, self._t_ns))
         self._watchers.each_second(self._state(self._loss.lost_s(now_ns) if is_lost else None))
         if is_lost:
@@ -296,6 +336,7 @@ class LiveRun:
         return SourceState(
             received=self.tally.received,
             missing=self._missing_count,
+            catching_up=self._backfill.missing(self._ledger.all_missing(), boottime_ns()),
             gone=self._ledger.gone_count,
             lost_s=lost_s,
             refusal=None if lost_s is None else self._link.refusal,
@@ -312,6 +353,11 @@ class LiveRun:
         if not self._is_over:
             self._say(f"{self.tally.end_reason}; waiting for it to come back")
 
+    def _lacks(self, trip: str) -> dict[str, Any]:
+        """What is still to come: of this trip, and how many frames of those before it."""
+        own = sum(item.last - item.first + 1 for item in self._ledger.missing_of(trip))
+        return {"lacks": self._ledger.lacks_of(trip), "lacking_before": self._ledger.missing_count - own}
+
     def _end_record(self) -> dict[str, Any]:
         tally = self.tally
         offset = self._link.offset.at(boottime_ns())
@@ -320,6 +366,7 @@ class LiveRun:
             "clock_bound_ns": None if offset is None else offset.bound_ns,
             "received": tally.received,
             "missing": tally.missing,
+            **({} if self._trip is None else self._lacks(self._trip)),
             "bad": tally.bad,
             "sent": tally.sent,
             "reason": tally.end_reason,

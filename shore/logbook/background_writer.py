@@ -26,14 +26,35 @@ class LogRecorder:
         self._worker = ThreadPoolExecutor(1, "log-sync")
         self._syncing: Future[None] | None = None
         self._since_ns = boottime_ns()
+        self._boat_id = boat_id
+        self._began_ns = time.time_ns()
         if directory is not None:
-            self._writer = new_log(directory, boat_id, time.time_ns())
+            self._writer = new_log(directory, boat_id, self._began_ns)
             self.path = self._writer.path
 
     @property
     def log_time_ns(self) -> int:
         """Log time of the newest record, ns; 0 without a log."""
         return 0 if self._writer is None else self._writer.log_time_ns
+
+    @property
+    def is_gone(self) -> bool:
+        """True when what is written has no name any more: the log or its directory was removed or moved."""
+        return self._writer is not None and self._writer.is_gone
+
+    def begin_again(self) -> None:
+        """Begin another log in the directory of one that is gone; where that cannot be, the log ends."""
+        assert self.path is not None
+        directory = self.path.parent
+
+        def begin(gone: LogWriter) -> None:
+            gone.abandon()
+            self._began_ns = time.time_ns()
+            self._writer = new_log(directory, self._boat_id, self._began_ns)
+            self.path = self._writer.path
+
+        self.write(self._finish_sync)
+        self.write(begin)
 
     @property
     def behind_s(self) -> float:
@@ -53,13 +74,24 @@ class LogRecorder:
             self._say(f"error: log: {error}; the run goes on without a log")
             self._end()
 
-    def sync(self, then: Callable[[], None], *, wait: bool = False) -> None:
-        """Put on the disk what is written so far, then call `then` (in another thread; its OSError is no matter).
+    def sync(self, then: Callable[[], Callable[[], None]] | None = None, *, wait: bool = False) -> None:
+        """Put on the disk what is written so far.
 
-        Returns at once, and does nothing while the disk still works on the sync before, unless it is to wait for that.
+        then: is asked for what to do behind that, in another thread, where its OSError is no matter. Returns at once,
+        and does nothing while the disk still works on the sync before, unless it is to wait for that.
         """
         if wait or self._syncing is None or self._syncing.done():
             self.write(lambda writer: self._sync(writer, then))
+
+    def name_by_boat(self) -> tuple[str, str] | None:
+        """Let `close` name the log by the boat's UTC where the station's is wrong; returns the old and new name."""
+        if self._writer is None or self.path is None:
+            return None
+        named = self._writer.name_by_boat(self._boat_id, self._began_ns)
+        if named is None:
+            return None
+        before, self.path = self.path.name, named
+        return before, named.name
 
     def close(self) -> None:
         """Wait for the disk and close the log; safe to call twice."""
@@ -68,15 +100,16 @@ class LogRecorder:
         self._writer = None
         self._worker.shutdown()
 
-    def _sync(self, writer: LogWriter, then: Callable[[], None]) -> None:
+    def _sync(self, writer: LogWriter, then: Callable[[], Callable[[], None]] | None) -> None:
         self._finish_sync(writer)
-        flushed = writer.flush()
+        flushed, after = writer.flush(), then() if then is not None else None
         self._since_ns = boottime_ns()
 
         def work() -> None:
             os.fsync(flushed)
-            with suppress(OSError):
-                then()
+            if after is not None:
+                with suppress(OSError):
+                    after()
 
         self._syncing = self._worker.submit(work)
 

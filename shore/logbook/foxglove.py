@@ -18,7 +18,7 @@ LEVEL_NUMBERS: Final = {0: "info", **{number: word for word, number in _LEVELS.i
 _STAMP: Final = {
     "type": "object",
     "title": "time",
-    "description": "UTC of the station when it arrived",
+    "description": "UTC by the boat where it knows it, else that of the station when it arrived",
     "properties": {"sec": {"type": "integer", "minimum": 0}, "nsec": {"type": "integer", "minimum": 0}},
     "required": ["sec", "nsec"],
 }

@@ -9,6 +9,7 @@ A sound record that has not the form of its channel (`record_checks.py`) is left
 one.
 """
 
+import os
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from common.messages import Frame
+from common.words import counted, did_you_mean
 from shore.logbook.foxglove import event_of
 from shore.logbook.lock import is_being_written
 from shore.logbook.mcap.damage import Flaw, Loss, sentence
@@ -58,8 +60,7 @@ class OddRecords:
     """Numbers of these records in file order."""
 
     def __str__(self) -> str:
-        count = len(self.numbers)
-        return f"{count} record{'s'[: count > 1]} of {self.topic} left out, not of its form ({self.first})"
+        return f"{counted(len(self.numbers), 'record')} of {self.topic} left out, not of its form ({self.first})"
 
 
 class LogReader:
@@ -203,7 +204,7 @@ class LogReader:
 
     def _unreadable(self, error: OSError) -> WayfixError:
         cure = "give the path of a log file" if self._scan is None else "copy the file to a sound disk first"
-        return WayfixError(f"cannot be read ({error.strerror})", str(self.path), cure)
+        return WayfixError(f"cannot be read ({error.strerror}{near_name(self.path)})", str(self.path), cure)
 
     def _check(self, stream: BinaryIO) -> bool:
         """Check whether the file ends like a closed log."""
@@ -220,6 +221,14 @@ class LogReader:
         if not is_readable:
             raise WayfixError("not an MCAP log", str(self.path), "other files are read with `wayfix import`")
         return size >= 2 * len(MAGIC) and foot == MAGIC
+
+
+def near_name(path: Path) -> str:
+    """`, did you mean trip.mcap?` for a file that is not there; empty where no name beside it is near."""
+    try:
+        return "" if path.exists() else did_you_mean(path.name, os.listdir(path.parent))  # noqa: PTH208 - names alone
+    except (OSError, ValueError):
+        return ""
 
 
 def read_log(path: str | Path) -> LogReader:

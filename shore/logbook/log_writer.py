@@ -18,6 +18,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
 from io import FileIO
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,6 +36,11 @@ from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, FRAMES, LINK, POSITI
 from shore.logbook.summary import TripSummary
 
 _LARGEST_TIME: Final = 2**64 - 1
+WRONG_CLOCK_NS: Final = 60 * NS_PER_S
+"""A station's clock that is further from the boat's UTC names no log, ns."""
+LATE: Final = "-late"
+"""Behind the name of a trip: frames of it that came after its end, until they are put into its log."""
+_LATE_NAME: Final = re.compile(rf"(?P<trip>.+){LATE}(-\d+)?\.mcap")
 
 
 class LogWriter:
@@ -55,6 +61,8 @@ class LogWriter:
         self._log_time = 0
         self._failed = False
         self._summary = TripSummary()
+        self._utc_less_boat_ns: int | None = None
+        """UTC less boat time as the newest frame says, ns; `None` = it does not know UTC."""
         self._drawn_ns: dict[str, int] = {}
         """Boat time of the newest position of each filter, ns."""
         self.guarded(lambda: self._writer.start(profile="", library="wayfix"))
@@ -64,14 +72,23 @@ class LogWriter:
         """Log time of the newest record, ns."""
         return self._log_time
 
+    @property
+    def is_gone(self) -> bool:
+        """True when another file, or none, has the name by now: the log or its directory was removed or moved."""
+        try:
+            return not os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
+        except OSError:
+            return True
+
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:
         """A frame's bytes, unchanged; `frame` is the same, decoded. Usable fixes once more as Foxglove draws them."""
         self._add(FRAMES, data, t_ns, frame.t1_ns, frame.seq % 2**32)
         self._summary.frame(frame)
+        self._utc_less_boat_ns = None if frame.utc_ns is None else frame.utc_ns - frame.t0_ns
         for fix in frame.fixes:
             if fix.usable and fix.lat_deg is not None and fix.lon_deg is not None:
                 place = (fix.lat_deg, fix.lon_deg)
-                record = foxglove.location_fix(self._log_time, fix.t_ns, fix.sensor, place, None)
+                record = foxglove.location_fix(self._utc_ns(fix.t_ns), fix.t_ns, fix.sensor, place, None)
                 self._add(f"{FIXES}{fix.sensor}", _json(record), t_ns, fix.t_ns)
 
     def write_estimate(self, record: dict[str, Any], t_ns: int) -> None:
@@ -89,13 +106,13 @@ class LogWriter:
             self._drawn_ns[name] = boat_ns
             place, size = (stored["lat_deg"], stored["lon_deg"]), len(stored["state"])
             east, cross, north = (stored["covariance"][index] for index in (0, 1, size))
-            drawn = foxglove.location_fix(self._log_time, boat_ns, name, place, (east, cross, north))
+            drawn = foxglove.location_fix(self._utc_ns(boat_ns), boat_ns, name, place, (east, cross, north))
             self._add(f"{POSITIONS}{name}", _json(drawn), t_ns, boat_ns)
 
     def write_event(self, event: Event, t_ns: int) -> None:
         """An event of either side."""
         self._log_time = max(self._log_time, min(t_ns, _LARGEST_TIME))
-        self._add(EVENTS, _json(foxglove.log_record(event, self._log_time)), t_ns, event.t_ns)
+        self._add(EVENTS, _json(foxglove.log_record(event, self._utc_ns(event.t_ns))), t_ns, event.t_ns)
         self._summary.event(event.level)
 
     def write_session(self, record: dict[str, Any], t_ns: int) -> None:
@@ -145,6 +162,17 @@ class LogWriter:
             with suppress(OSError):
                 self._file.close()
 
+    def name_by_boat(self, boat_id: str, utc_ns: int) -> Path | None:
+        """Where `close` will leave the log: under the boat's UTC of its first frame; `None` = under the name it has.
+
+        utc_ns: of the station when the log began; within a minute of the boat's, it gave a good name.
+        """
+        begin_ns, _ = self._summary.utc.span()
+        if begin_ns is None or abs(begin_ns - utc_ns) <= WRONG_CLOCK_NS:
+            return None
+        self._final = _free_name(self.path.parent, _stem(boat_id, begin_ns))
+        return self._final
+
     def abandon(self) -> None:
         """Close without an end; a log of `log_at` leaves nothing behind. Harmless to a log that is closed already."""
         with suppress(OSError):
@@ -152,6 +180,11 @@ class LogWriter:
         if self._final is not None and self.path != self._final:
             with suppress(OSError):
                 self.path.unlink()
+
+    def _utc_ns(self, t_ns: int) -> int:
+        """UTC of a boat time by the boat, or else the time of arrival by the station."""
+        known = t_ns > 0 and self._utc_less_boat_ns is not None
+        return min(max(t_ns + (self._utc_less_boat_ns or 0), 0), _LARGEST_TIME) if known else self._log_time
 
     def _add(self, topic: str, data: bytes, t_ns: int, publish_ns: int, sequence: int = 0) -> None:
         self._log_time = max(self._log_time, min(t_ns, _LARGEST_TIME))
@@ -187,7 +220,7 @@ def new_log(directory: Path, boat_id: str, utc_ns: int) -> LogWriter:
     """Make `directory` if need be and begin `<UTC start>-<boat_id>.mcap` in it; raises WayfixError."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        file = _new_file(directory, boat_id, utc_ns)
+        file = _new_file(directory, _stem(boat_id, utc_ns))
     except OSError as error:
         cure = "give a directory you may write to"
         raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
@@ -204,19 +237,37 @@ def log_at(path: Path) -> LogWriter:
         raise WayfixError(f"cannot be written ({error.strerror})", str(path), "check space and rights") from error
 
 
-def _new_file(directory: Path, boat_id: str, utc_ns: int) -> FileIO:
+def late_log(trip: Path) -> LogWriter:
+    """Begin `<trip>-late.mcap` beside the log of a trip, for what comes after its end; raises WayfixError."""
+    try:
+        trip.parent.mkdir(parents=True, exist_ok=True)
+        return LogWriter(_new_file(trip.parent, f"{trip.stem}{LATE}"))
+    except OSError as error:
+        raise WayfixError(f"no log can be written here ({error.strerror})", str(trip.parent), "check space") from error
+
+
+def late_logs(directory: Path) -> list[tuple[Path, Path]]:
+    """The logs of late frames in a directory, each behind the path of the trip that it belongs to. Raises OSError."""
+    found = [(path, _LATE_NAME.fullmatch(path.name)) for path in sorted(directory.glob(f"*{LATE}*.mcap"))]
+    return [(path.with_name(f"{match['trip']}.mcap"), path) for path, match in found if match]
+
+
+def _stem(boat_id: str, utc_ns: int) -> str:
     start = datetime.fromtimestamp(utc_ns // NS_PER_S, UTC).strftime("%Y%m%dT%H%M%SZ")
-    stem = f"{start}-{re.sub(r'[^A-Za-z0-9_-]+', '_', boat_id)}"
-    number = 1
+    return f"{start}-{re.sub(r'[^A-Za-z0-9_-]+', '_', boat_id)}"
+
+
+def _new_file(directory: Path, stem: str) -> FileIO:
     while True:
-        path = directory / (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap")
-        try:
-            file = FileIO(path, "xb")
-        except FileExistsError:
-            number += 1
-            continue
-        sync_directory(directory)
-        return file
+        with suppress(FileExistsError):
+            file = FileIO(_free_name(directory, stem), "xb")
+            sync_directory(directory)
+            return file
+
+
+def _free_name(directory: Path, stem: str) -> Path:
+    names = (directory / f"{stem}{number}.mcap" for number in chain([""], (f"-{number}" for number in count(2))))
+    return next(path for path in names if not path.exists())
 
 
 def _json(record: dict[str, Any]) -> bytes:

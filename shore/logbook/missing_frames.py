@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 
 import msgpack
 
-from common.messages import Fix, Frame
+from common.messages import UTC_SOURCES, Fix, Frame, SensorHealth
 from common.seqset import SeqSet
 
 _HEAD: Final = {
@@ -13,6 +13,7 @@ _HEAD: Final = {
 }  # fmt: skip
 _head_of: Final = itemgetter(*_HEAD)
 _HEAD_TYPES: Final = tuple(_HEAD.values())
+_HEALTH_FIELDS: Final = ("sensor", "state", "reason", "accepted")
 _FIX_FIELDS: Final = ("lat_deg", "lon_deg", "fix_quality", "fix_mode", "status_valid", "held")
 
 
@@ -35,6 +36,8 @@ class Census:
         self._seen: dict[str, SeqSet] = {}
         self._highest: dict[str, int] = {}
         self._is_after_loss: set[str] = set()
+        self._lacks: list[tuple[str, int, int]] = []
+        """What the station said that it lacked at the end of the trip: (boot_id, first, last)."""
         self._holes: dict[str, list[tuple[int, int]]] = {}
         """Ranges [first, last] of the frame numbers that are absent where the file lost something, by boot_id."""
 
@@ -57,6 +60,14 @@ class Census:
         self._begins[boot_id] = min(first, self._begins.get(boot_id, first))
         self._seen.setdefault(boot_id, SeqSet()).add(first, last)
 
+    def lacks(self, ranges: Any) -> None:
+        """Take what a station lacked when it wrote this, as [boot_id, first, last] each; the last word holds."""
+        self._lacks = [(str(boot_id), int(first), int(last)) for boot_id, first, last in ranges]
+
+    def holds(self, frame: Frame) -> bool:
+        """True when the log has this frame."""
+        return frame.boot_id in self._seen and frame.seq in self._seen[frame.boot_id]
+
     def file_lost_something(self) -> None:
         """The file lost something between the frame before and the next one."""
         self._is_after_loss |= set(self._begins)
@@ -64,8 +75,12 @@ class Census:
     def missing(self, lost_by_file: int | None) -> MissingFrames:
         """How many frames are missing, and why. lost_by_file: as the log itself says, where it does."""
         absent = doubtful = 0
-        for boot_id, seen in self._seen.items():
-            gaps = list(seen.gaps(self._begins[boot_id], self._highest[boot_id]))
+        for boot_id in {*self._seen, *(boot_id for boot_id, _, _ in self._lacks)}:
+            seen = self._seen.get(boot_id, SeqSet())
+            wanted = SeqSet((first, last) for name, first, last in self._lacks if name == boot_id)
+            if seen:
+                wanted.add(self._begins[boot_id], self._highest[boot_id])
+            gaps = [gap for first, last in wanted for gap in seen.gaps(first, last)]
             absent += sum(last - first + 1 for first, last in gaps)
             holes = self._holes.get(boot_id, ())
             doubtful += sum(max(0, min(a[1], b[1]) - max(a[0], b[0]) + 1) for a in gaps for b in holes)
@@ -88,11 +103,21 @@ def light_frame(data: bytes) -> Frame:
     return Frame(
         **dict(zip(_HEAD, head, strict=True)),
         first_seq=first_seq,
+        **_utc_of(fields),
         fixes=tuple(
             Fix(sensor=fix["sensor"], t_ns=t0_ns, **{name: fix[name] for name in _FIX_FIELDS if name in fix})
             for fix in fixes
         ),
+        health=tuple(
+            SensorHealth(t_ns=t0_ns, **{name: report[name] for name in _HEALTH_FIELDS if name in report})
+            for report in fields.get("health", ())
+        ),
     )
+
+
+def _utc_of(fields: dict[str, Any]) -> dict[str, Any]:
+    utc_ns, source = fields.get("utc_ns"), fields.get("utc_src", "none")
+    return {} if type(utc_ns) is not int or source not in UTC_SOURCES else {"utc_ns": utc_ns, "utc_src": source}
 
 
 def _is_place(value_deg: Any, limit_deg: float) -> bool:

@@ -4,7 +4,7 @@ from collections import Counter
 from typing import Any, Final
 
 from common.geodesy import LocalPlane
-from common.messages import Frame
+from common.messages import UTC_SOURCES, Frame
 from common.units import NS_PER_S
 
 KEPT: Final = ("name", "place", "note")
@@ -53,6 +53,43 @@ class Rests:
         }
 
 
+class UtcOfClocks:
+    """UTC as the boat knows it (GNSS before NTP before a real-time clock), one offset for each clock of the board."""
+
+    def __init__(self) -> None:
+        self._offsets: dict[str, tuple[int, int]] = {}
+        """Rank of the source, and UTC less boat time (ns), by clock_id; the newest of the best source."""
+        self._spans: dict[str, tuple[int, int, int]] = {}
+        """Lowest start_no, first t0_ns and last t1_ns, by clock_id."""
+
+    def take(self, frame: Frame) -> None:
+        """Take a frame, in any order."""
+        start_no, first_ns, last_ns = self._spans.get(frame.clock_id, (frame.start_no, frame.t0_ns, frame.t1_ns))
+        span = min(start_no, frame.start_no), min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
+        self._spans[frame.clock_id] = span
+        rank = UTC_SOURCES.index(frame.utc_src)
+        if frame.utc_ns is not None and rank >= max(1, self._offsets.get(frame.clock_id, (0, 0))[0]):
+            self._offsets[frame.clock_id] = rank, frame.utc_ns - frame.t0_ns
+
+    def of(self, t_ns: int) -> int | None:
+        """UTC of a boat time, ns; `None` where it is not known, or the board had several clocks."""
+        if len(self._spans) != 1 or not self._offsets:
+            return None
+        ((_, offset_ns),) = self._offsets.values()
+        return t_ns + offset_ns
+
+    def span(self) -> tuple[int | None, int | None]:
+        """UTC of the first and of the last frame, ns; `None` = the boat did not know it."""
+        if not self._spans:
+            return None, None
+        order = sorted(self._spans, key=lambda clock_id: self._spans[clock_id][0])
+        found = [
+            self._spans[clock_id][place] + self._offsets[clock_id][1] if clock_id in self._offsets else None
+            for clock_id, place in ((order[0], 1), (order[-1], 2))
+        ]
+        return found[0], found[1]
+
+
 class TripSummary:
     """Feed it every record of a log in file order."""
 
@@ -61,9 +98,9 @@ class TripSummary:
         self._boat: str | None = None
         self._utc_ns: int | None = None
         self._frames = self._fixes = 0
-        self._seconds = 0.0
-        self._clock: tuple[str, int, int] | None = None
-        """Identity and span of the current clock: (clock_id, first t0_ns, last t1_ns)."""
+        self._spans: dict[tuple[str, str], tuple[int, int]] = {}
+        """First t0_ns and last t1_ns of each start of the daemon, by clock_id and boot_id: between them nothing ran."""
+        self._clocks = UtcOfClocks()
         self._filters: list[str] = []
         self._levels: Counter[str] = Counter()
         self._area: tuple[float, float, float, float] | None = None
@@ -82,13 +119,13 @@ class TripSummary:
             self._boat = record.get("connected", {}).get("config", {}).get("boat", {}).get("id")
 
     def frame(self, frame: Frame) -> None:
-        """Take a frame of the board; frames of one clock may come in any order."""
+        """Take a frame of the board, in any order."""
         self._frames += 1
+        self._clocks.take(frame)
         self._fixes += sum(fix.usable for fix in frame.fixes)
-        if self._clock is None or self._clock[0] != frame.clock_id:
-            self._seconds, self._clock = self._span_s(), (frame.clock_id, frame.t0_ns, frame.t1_ns)
-        clock_id, first_ns, last_ns = self._clock
-        self._clock = clock_id, min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
+        ran = frame.clock_id, frame.boot_id
+        first_ns, last_ns = self._spans.get(ran, (frame.t0_ns, frame.t1_ns))
+        self._spans[ran] = min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
 
     def estimate(self, record: dict[str, Any]) -> None:
         """Take a published estimate; place and speed are those of the first filter while its position is valid."""
@@ -114,13 +151,25 @@ class TripSummary:
         """Count an event of this level."""
         self._levels[level] += 1
 
+    @property
+    def utc(self) -> "UtcOfClocks":
+        """What the boat said of UTC."""
+        return self._clocks
+
+    @property
+    def has_place(self) -> bool:
+        """True once an estimate was aligned."""
+        return self._area is not None
+
     def as_record(self) -> dict[str, Any]:
         """The whole summary for JSON; places are `None` while no position was valid."""
         area = self._area or (None, None, None, None)
+        begin_ns, end_ns = self._clocks.span()
         return {
             **self._words,
             "boat": self._boat,
-            "utc_ns": self._utc_ns,
+            "utc_ns": self._utc_ns if begin_ns is None else begin_ns,
+            "end_utc_ns": end_ns,
             "seconds": round(self._span_s(), 3),
             "frames": self._frames,
             "fixes": self._fixes,
@@ -133,7 +182,5 @@ class TripSummary:
         }
 
     def _span_s(self) -> float:
-        """Boat time covered, over all clocks."""
-        if self._clock is None:
-            return self._seconds
-        return self._seconds + (self._clock[2] - self._clock[1]) / NS_PER_S
+        """Boat time covered, over all starts of the daemon."""
+        return sum(last_ns - first_ns for first_ns, last_ns in self._spans.values()) / NS_PER_S

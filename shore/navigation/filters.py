@@ -143,7 +143,12 @@ class Filter:
         self._state = state
 
     def predict(self, dt_s: float, imu: ImuInput | None) -> Predicted:
-        """Move on by `dt_s` > 0; `imu` is the mean over the step, `None` = nothing measured."""
+        """Move on by `dt_s` > 0; `imu` is the mean over the step, `None` = nothing measured.
+
+        Raises: ValueError for a step that is not above 0, or no number.
+        """
+        if not 0.0 < dt_s < math.inf:
+            raise ValueError(f"filter {self.name} cannot move on by {dt_s} s: give a finite step above 0")
         predicted = self._pass(dt_s, imu)
         self._note(Passed(dt_s, imu))
         return predicted

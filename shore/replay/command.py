@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from common.command import number, printable
 from common.errors import WayfixError
+from common.words import counted
 from shore.settings.arguments import add_filter_arguments, add_settings
 from shore.terminal import add_json, every_end_is_ctrl_c, filters_named, finish, say, tell
 
@@ -154,7 +155,7 @@ class Looked:
                     watchers.append(stack.enter_context(WholeLog(arguments.record)))
                 replay.run(Watchers(*watchers), pace)
         except KeyboardInterrupt:
-            say(f"stopped after {replay.frames} frames")
+            say(f"stopped after {counted(replay.frames, 'frame')}")
             return False
         return True
 
@@ -168,9 +169,13 @@ class Looked:
         track = smoothed(self._arguments.log, name, span_of(self._arguments))
         with _progress("smoothing"):
             count = write_track(path, self._scored(track))
-        tell(f"{count} smoothed estimates of {name} in {path}: each knows the whole log, none was seen live")
         inside = self._live.doubt.summary() if self._live else {}
-        tell(f"{name}: {verdict(inside)}")
+        if count:
+            made = counted(count, "smoothed estimate")
+            tell(f"{made} of {name} in {path}: each knows the whole log, none was seen live")
+            tell(f"{name}: {verdict(inside)}")
+        else:
+            say(f"no smoothed estimates of {name}, {path} has no row: {self._replay.why_none or 'no filter started'}")
         return {"estimates": count, "file": str(path), "inside_95": inside}
 
     def _scored(self, track: Iterator[Any]) -> Iterator[Any]:
@@ -202,12 +207,15 @@ def _empty(arguments: argparse.Namespace, replay: "Replay") -> tuple[str, str, s
 
 def _told(arguments: argparse.Namespace, replay: "Replay", is_whole: bool) -> dict[str, Any]:
     """Say what was read, made and found again; the same for `--json`."""
-    tell(f"{arguments.log}: {replay.frames} frames, filters {', '.join(replay.filters)}")
+    tell(f"{arguments.log}: {counted(replay.frames, 'frame')}, filters {', '.join(replay.filters)}")
     _tell_order(replay)
     if replay.damage:
         say(f"{arguments.log}: {replay.damage}; all frames that are sound were replayed")
+    if replay.why_none is not None:
+        say(f"{arguments.log}: no estimates: {replay.why_none}")
     summary: dict[str, Any] = {
         "order": replay.order,
+        "why_no_estimates": replay.why_none,
         "whole": is_whole,
         "frames": {"read": replay.frames, "bad": replay.source.bad, "late": replay.source.late},
         **_compared(replay),
@@ -225,7 +233,7 @@ def _tell_order(replay: "Replay") -> None:
     if replay.order == "time":
         tell("in order of boat time, late frames in their place: the best track, not what was seen live")
     elif late:
-        tell(f"{late} frames came more than {HORIZON_S:g} s late; --order time puts them in their place")
+        tell(f"{counted(late, 'frame')} came more than {HORIZON_S:g} s late; --order time puts them in their place")
 
 
 def _compared(replay: "Replay") -> dict[str, Any]:

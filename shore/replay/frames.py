@@ -90,7 +90,7 @@ class Frames:
                 yield item._replace(t_s=t_s)
 
     def _in_file_order(self, topics: Iterable[str]) -> Iterator[Arrival | LogRecord]:
-        start, is_first = self.start, True
+        start, is_first, is_live = self.start, True, True
         newest: Frame | None = None
         for record in self._reader.records(SESSION, FRAMES, *topics):
             if record.topic != FRAMES:
@@ -101,6 +101,7 @@ class Frames:
                     if session["kind"] == "start":
                         start = start if is_first else _start(session, self._reader.path)
                         is_first = False
+                    is_live = is_live and session["kind"] != "completed"
                 yield record
                 continue
             frame = self._reader.frame(record)
@@ -109,8 +110,9 @@ class Frames:
                 continue
             if newest is None or _is_newer(frame, newest):
                 newest = frame
-            self.late += frame.clock_id != newest.clock_id or frame.t1_ns < newest.t1_ns - HORIZON_NS
-            yield Arrival(record.data, frame, start, record.log_time_ns, 0.0)
+            is_late = frame.clock_id != newest.clock_id or frame.t1_ns < newest.t1_ns - HORIZON_NS
+            self.late += is_late or not is_live
+            yield Arrival(record.data, frame, start, record.log_time_ns, 0.0, is_live)
 
     def _in_order_of_time(self, topics: Iterable[str]) -> Iterator[Arrival | LogRecord]:
         """A start of the daemon has one configuration: the one under which its first frame came."""

@@ -21,8 +21,9 @@ from shore.logbook.log_reader import LogRecord, read_log
 from shore.logbook.missing_frames import Census
 from shore.logbook.schemas import ESTIMATES, EVENTS, LINK, SESSION
 from shore.logbook.session import start_record
+from shore.logbook.why_none import WhyNone
 from shore.navigation.estimate import Estimate
-from shore.pipeline import Pipeline
+from shore.pipeline import Output, Pipeline
 from shore.replay.comparison import Comparison
 from shore.replay.frames import Frames, Span
 from shore.replay.smooth import smooth_log
@@ -89,10 +90,13 @@ class Replay:
         self.order = order
         self.frames = 0
         self.estimates = 0
+        self._why_none = WhyNone()
         self.why_not: str | None = None
         """Why nothing is compared with what was recorded; `None` = it is compared."""
         if order == "time":
             self.why_not = "no live run could have made estimates in order of boat time"
+        elif options.get("begun_again"):
+            self.why_not = f"the log began in the middle of its run, when {options['begun_again']} was removed"
         elif self.step_s != live_step_s:
             self.why_not = "the step is another"
         elif span is not None and span.from_s:
@@ -119,6 +123,15 @@ class Replay:
         return self.source.start
 
     @property
+    def why_none(self) -> str | None:
+        """Why no filter made an estimate; `None` = one did. Complete after the last frame."""
+        if self.estimates:
+            return None
+        if not self.filters:
+            return "no filter was asked for"
+        return self._why_none.text({sensor.id: sensor.role for sensor in self.start.config.sensor})
+
+    @property
     def differs(self) -> bool:
         """True when what was compared is not as recorded; where frames are lost to damage, that is no difference."""
         return self.comparison is not None and self.comparison.differs and self.damage is None
@@ -138,8 +151,9 @@ class Replay:
             if item.start is not start:
                 # A board that came back with another configuration: the live run began again there.
                 start, self._pipeline = item.start, self._new_pipeline(item.start)
-            step = Step.of(item, self._pipeline.push(item.frame))
+            step = Step.of(item, self._pipeline.push(item.frame) if item.is_live else Output())
             self.frames += 1
+            self._why_none.frame(item.frame)
             self.estimates += len(step.records)
             if self.comparison:
                 self.comparison.take(step)

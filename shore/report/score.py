@@ -21,6 +21,7 @@ from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.messages import Frame
 from common.units import NS_PER_S
+from common.words import counted
 from shore.navigation.measurements import Reader, TrueHeading
 
 Array = NDArray[np.float64]
@@ -96,7 +97,7 @@ def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     except (csv.Error, UnicodeDecodeError) as error:
         raise WayfixError(f"is no CSV text ({error})", str(path), cure) from error
     if len(rows) < LEAST_ROWS:
-        raise WayfixError(f"has {len(rows)} rows, two are the least", str(path), cure)
+        raise WayfixError(f"has {counted(len(rows), 'row')}, two are the least", str(path), cure)
     if missing := [name for name in REQUIRED_COLUMNS if name not in rows[0][1]]:
         raise WayfixError(f"has no column {', '.join(missing)}", str(path), cure)
     return rows
@@ -218,7 +219,9 @@ def score_table(summary: dict[str, Any]) -> str:
         f"{'':14}{'position RMS, m':>22}{'heading RMS, deg':>24}",
         f"{'':14}{'whole':>11}{'last 1/4':>11}{'whole':>13}{'last 1/4':>11}",
     ]
-    for name in dict.fromkeys(name for column in columns for name in column):
+    names = dict.fromkeys(name for column in columns for name in column)
+    is_filter = {name: name in columns[0] and name in columns[2] for name in names}
+    for name in sorted(names, key=is_filter.__getitem__):  # the sensors first, then what is made of them
         cells = [column.get(name) for column in columns]
         texts = ["" if cell is None else f"{cell:.2f}" for cell in cells]
         lines.append(f"{name:14}{texts[0]:>11}{texts[1]:>11}{texts[2]:>13}{texts[3]:>11}")

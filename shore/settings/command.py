@@ -33,14 +33,14 @@ def run(arguments: argparse.Namespace) -> int:
     tell(f"# {file}" if is_read else f"# nothing is set in {file or 'a file: this user has no home directory'}")
     for line in lines_of(settings):
         tell(line)
-    options = settings.as_options("limits", "display")
+    options = settings.as_options("limits", "display", "log")
     finish(arguments, {"file": printable(str(file)) if is_read else None, **options})
     return 0
 
 
 def lines_of(settings: "StationSettings") -> Iterator[str]:
     """The settings as a file, with a comment for what a file cannot say."""
-    for table in ("filter", "limits", "display"):
+    for table in ("filter", "limits", "display", "log"):
         values = getattr(settings, table)
         yield ""
         yield f"[{table}]"

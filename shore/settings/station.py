@@ -58,12 +58,21 @@ class DisplaySettings:
 
 
 @dataclass(frozen=True, slots=True)
+class LogSettings:
+    """`[log]`: what `connect` keeps."""
+
+    directory: str = "logs"
+    """Directory of the logs, from the working directory on; empty = no log is kept."""
+
+
+@dataclass(frozen=True, slots=True)
 class _Tables:
     """What a file may hold."""
 
     filter: FilterSettings = FilterSettings()
     limits: LimitSettings = LimitSettings()
     display: DisplaySettings = DisplaySettings()
+    log: LogSettings = LogSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +82,7 @@ class StationSettings:
     filter: FilterSettings = FilterSettings()
     limits: LimitSettings = LimitSettings()
     display: DisplaySettings = DisplaySettings()
+    log: LogSettings = LogSettings()
     sources: Mapping[str, str] = field(default_factory=dict)
     """Where a value comes from, by its key (`limits.link_lost_s`): a file's name or `COMMAND_LINE`; else a default."""
 
@@ -105,22 +115,25 @@ def station_settings(
     file: Path | None,
     filters: str | None = None,
     step_s: float | None = None,
+    log: str | None = None,
     *,
     environ: Mapping[str, str] = os.environ,
 ) -> StationSettings:
     """Settings of a command. Raises WayfixError with every fault of the file, or for an unknown filter.
 
     file: `--settings`, which must be there; `None` = `settings_file`, which need not. filters, step_s: the command
-    line's, which win; a step of 0 is none at all.
+    line's, which win; a step of 0 is none at all. log: directory of the logs, which wins too; empty = none.
     """
     given = file if file is not None else settings_file(environ)
     settings = DEFAULTS
     if given is not None and (file is not None or _is_there(given)):
         settings = _read(given)
     if filters is not None:
-        settings = _by_command_line(settings, "names", filters_named(filters))
+        settings = _by_command_line(settings, "filter.names", filters_named(filters))
     if step_s is not None:
-        settings = _by_command_line(settings, "step_s", step_s or None)
+        settings = _by_command_line(settings, "filter.step_s", step_s or None)
+    if log is not None:
+        settings = _by_command_line(settings, "log.directory", log)
     return settings
 
 
@@ -140,9 +153,10 @@ def _read(path: Path) -> StationSettings:
     tables = convert(data, _Tables, str(path))
     keys = [f"{name}.{key}" for name, table in data.items() for key in table]
     name = printable(path.name)  # half a character would make the session record unreadable
-    return StationSettings(tables.filter, tables.limits, tables.display, dict.fromkeys(keys, name))
+    return StationSettings(tables.filter, tables.limits, tables.display, tables.log, dict.fromkeys(keys, name))
 
 
 def _by_command_line(settings: StationSettings, key: str, value: Any) -> StationSettings:
-    sources = {**settings.sources, f"filter.{key}": COMMAND_LINE}
-    return replace(settings, filter=replace(settings.filter, **{key: value}), sources=sources)
+    table, _, name = key.partition(".")
+    changed: dict[str, Any] = {table: replace(getattr(settings, table), **{name: value})}
+    return replace(settings, **changed, sources={**settings.sources, key: COMMAND_LINE})

@@ -9,13 +9,14 @@ from typing import Any, Final
 
 from common.command import printable, sentence_of
 from common.errors import WayfixError
+from common.words import counted
 from shore.logbook.mcap.damage import iso
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.session import trip_record
 from shore.terminal import every_end_is_ctrl_c, finish, say, tell
 from shore.trips import tables as screens
 from shore.trips.examine import Examination, examine
-from shore.trips.listing import logs_in, newest_first, trip_of
+from shore.trips.listing import date_of, logs_in, newest_first, trip_of
 from shore.trips.recover import Rewritten, name_log, recover
 
 STATES_WITHOUT_LOSS: Final = ("whole", "being written")
@@ -81,7 +82,9 @@ def run_recover(arguments: argparse.Namespace) -> int:
     with _progress() as shown:
         done = recover(arguments.log, arguments.out, trip, _phases(shown))
     result = done.source
-    told = f"{done.path}: {done.records} records, read back and equal to what is sound in {arguments.log.name}"
+    told = (
+        f"{done.path}: {counted(done.records, 'record')}, read back and equal to what is sound in {arguments.log.name}"
+    )
     tell(printable(told))
     _tell_losses(result)
     finish(arguments, {"log": str(done.path), "records": done.records, "source": _report(result)})
@@ -140,14 +143,16 @@ def _info(result: Examination, *, with_config: bool) -> dict[str, Any]:
     start = result.starts[-1] if result.starts else {}
     connected = start.get("connected") or {}
     config = connected.get("config") or {}
+    trip = result.summary()
     about = {
-        "trip": result.summary(),
-        "start_utc": iso(result.first_ns),
-        "end_utc": iso(result.last_ns),
+        "trip": trip,
+        "start_utc": date_of(trip["utc_ns"]),
+        "end_utc": date_of(result.last_ns if trip.get("end_utc_ns") is None else trip["end_utc_ns"]),
         "sensors": config.get("sensor", []),
         "versions": {"station": start.get("versions"), "board": connected.get("versions")},
         "arithmetic": start.get("arithmetic"),
         "options": start.get("options"),
+        "why_no_estimates": None if result.summary().get("filters") else screens.why_no_estimates(result),
         "warnings": [{"utc": iso(log_time_ns), **event} for log_time_ns, event in result.warnings],
     }
     return {**_report(result), **about, **({"config": config} if with_config else {})}

@@ -19,6 +19,7 @@ from shore.logbook.missing_frames import Census, MissingFrames, light_frame
 from shore.logbook.record_checks import content_of
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION, TRIP
 from shore.logbook.summary import KEPT, TripSummary
+from shore.logbook.why_none import WhyNone
 
 LAST_WARNINGS: Final = 10
 _NOT_UNDERSTOOD: Final = (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError)
@@ -43,6 +44,7 @@ class Examination:
     """The last events of level warning or error, each with its log time (ns)."""
     census: Census = field(default_factory=Census)
     trip: TripSummary = field(default_factory=TripSummary)
+    why_none: WhyNone = field(default_factory=WhyNone)
     fixes_area: tuple[float, float, float, float] | None = None
     """Southern, northern, western and eastern limit of the usable fixes, deg."""
     first_ns: int | None = None
@@ -115,6 +117,7 @@ class Examination:
             frame = light_frame(data)
             self.census.frame(frame)
             self.trip.frame(frame)
+            self.why_none.frame(frame)
             self._widen(frame.fixes)
         elif topic.startswith(ESTIMATES):
             self.trip.estimate(content_of(topic, data))
@@ -137,6 +140,8 @@ class Examination:
         if record.get("kind") != "start":
             self.sessions.append(record)
             self.trip.session(record, log_time_ns)
+            if record.get("lacks"):
+                self.census.lacks(record["lacks"])
             return
         self.starts.append(record)
         self.trip.session(record, log_time_ns)

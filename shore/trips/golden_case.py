@@ -23,6 +23,7 @@ from common.command import printable
 from common.errors import WayfixError
 from common.toml_text import toml_text
 from common.units import NS_PER_S
+from common.words import counted
 from shore.logbook.arithmetic import WORDS, Arithmetic, arithmetic_here, unlike
 from shore.logbook.estimate_rounding import TOLERANCE, digest_of, heading_of
 
@@ -209,7 +210,7 @@ def differences(case: Case) -> list[str]:
         with (case.directory / file).open(newline="", encoding="utf-8") as stream:
             expected = list(csv.DictReader(stream))
         if len(now) != len(expected):
-            found.append(f"{file}: {len(now)} rows, {len(expected)} expected")
+            found.append(f"{file}: {counted(len(now), 'row')}, {len(expected)} expected")
         for line, (ours, theirs) in enumerate(zip(now, expected, strict=False), 2):
             found += [
                 f"{file}, line {line}, {column}: {ours[column]}, expected {value}"

@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from shore.logbook.lock import is_being_written
-from shore.logbook.log_reader import LogReader
+from shore.logbook.log_reader import LogReader, near_name
 from shore.logbook.mcap.damage import iso
 from shore.logbook.mcap.index_at_end import Tail, tail_of
 from shore.logbook.mcap.records import (
@@ -31,6 +31,8 @@ from shore.logbook.mcap.scan import Scan
 from shore.logbook.schemas import SESSION, TRIP
 from shore.trips.examine import examine, from_metadata
 
+FIRST_DATE_NS: Final = 315_964_800 * NS_PER_S
+"""6 January 1980, the first day of GPS, ns since 1970: what is before that is no date of a trip."""
 SHOWN: Final = ("utc_ns", "seconds", "name", "place", "note", "boat", "frames", "distance_m")
 
 
@@ -53,7 +55,7 @@ class Trip:
             "state": self.state,
             "bytes": self.size,
             **fields,
-            "start_utc": iso(number(fields["utc_ns"], int)),
+            "start_utc": date_of(number(fields["utc_ns"], int)),
         }
 
 
@@ -75,7 +77,8 @@ def logs_in(given: Iterable[Path]) -> list[Path]:
         elif path.exists():
             found.append(path)
         else:
-            raise WayfixError("no such file or directory", str(path), "give logs, or a directory with logs")
+            what = f"no such file or directory{near_name(path)}"
+            raise WayfixError(what, str(path), "give logs, or a directory with logs")
     return list(dict.fromkeys(found))
 
 
@@ -146,9 +149,16 @@ def _recovered(stream: BinaryIO, tail: Tail) -> dict[str, Any] | None:
     return summary if isinstance(summary, dict) else None
 
 
+def date_of(utc_ns: int | None) -> str | None:
+    """A time for programs; `None` where there is no date."""
+    return None if utc_ns is None or utc_ns < FIRST_DATE_NS else iso(utc_ns)
+
+
 def day(utc_ns: Any) -> str:
-    """A start for people, to the minute."""
+    """A start for people, to the minute; the first days of 1970 are no date, but a clock that was never set."""
     value = number(utc_ns, int)
+    if value is not None and value < FIRST_DATE_NS:
+        return "unknown date"
     try:
         return f"{datetime.fromtimestamp(value // NS_PER_S, UTC):%Y-%m-%d %H:%M}"
     except (TypeError, ValueError, OverflowError, OSError):

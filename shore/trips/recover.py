@@ -7,9 +7,10 @@ name: nothing is ever overwritten by something worse.
 import json
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
@@ -33,7 +34,7 @@ Watch = Callable[[str, Scan], None]
 _AS_IT_WAS: Final = "the log that was read is as it was"
 
 
-class _Whole(NamedTuple):
+class Whole(NamedTuple):
     """A message with everything that an MCAP file says of it."""
 
     topic: str
@@ -44,6 +45,23 @@ class _Whole(NamedTuple):
     log_time_ns: int
     publish_time_ns: int
     data: bytes
+
+
+def _nothing() -> Iterator[Whole]:
+    return iter(())
+
+
+class Added(NamedTuple):
+    """What is written behind the records of a source, in this order."""
+
+    sessions: list[dict[str, Any]]
+    """Content of the `/session` records that come first, one map each."""
+    more: Callable[[], Iterator[Whole]] = _nothing
+    """Records of another log; asked for twice, since what was written is compared."""
+    last: Sequence[dict[str, Any]] = ()
+    """Content of the `/session` records that come last."""
+    trip: dict[str, Any] | None = None
+    """The trip's metadata in place of the old; `None` = as it was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +79,12 @@ def recover(source: Path, target: Path | None, trip: dict[str, Any] | None, watc
     trip: a `/session` record with the name of the trip, or `None`. Raises WayfixError; nothing is left behind then.
     """
     target = target or source.with_name(f"{source.stem}-recovered.mcap")
-    _check_source(source)
+    check_source(source)
     check_target(target, [source], "give another OUT")
     if target.exists():
         raise WayfixError("exists already", str(target), "give another OUT, or remove it first")
 
-    def added(result: Examination) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+    def added(result: Examination) -> Added:
         words = [] if trip is None else [trip]
         for record in words:
             result.trip.session(record, 0)
@@ -75,45 +93,45 @@ def recover(source: Path, target: Path | None, trip: dict[str, Any] | None, watc
         losses = [loss.as_record() for loss in result.reader.losses]
         summary = result.summary()
         end = {"kind": "recovered", "from": source.name, "losses": losses, "summary": summary}
-        return [*words, end], summary if TRIP in result.metadata else None
+        return Added([*words, end], trip=summary if TRIP in result.metadata else None)
 
-    return _rewrite(source, target, added, watch, f"free some space, or give an OUT elsewhere; {_AS_IT_WAS}")
+    return rewrite(source, target, added, watch, f"free some space, or give an OUT elsewhere; {_AS_IT_WAS}")
 
 
 def name_log(path: Path, trip: dict[str, Any], watch: Watch) -> Rewritten:
     """Put a name to a trip: the same log with one more `/session` record. Raises WayfixError; the log is as before."""
-    _check_source(path)
+    check_source(path)
 
-    def added(result: Examination) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+    def added(result: Examination) -> Added:
         if result.state != "whole":
             cure = f"`wayfix log recover {shlex.quote(str(path))}` with the same --name, --place and --note"
             raise WayfixError(f"is {result.state}", str(path), cure)
         result.trip.session(trip, 0)
-        return [trip, result.summary()], result.summary()
+        return Added([trip, result.summary()], trip=result.summary())
 
-    return _rewrite(path, path.resolve(), added, watch, f"free some space or check rights; {_AS_IT_WAS}")
-
-
-Added = Callable[[Examination], tuple[list[dict[str, Any]], dict[str, Any] | None]]
-"""Called with what a source holds; returns the `/session` records to add, and the trip metadata in place of the old."""
+    return rewrite(path, path.resolve(), added, watch, f"free some space or check rights; {_AS_IT_WAS}")
 
 
-def _check_source(path: Path) -> None:
+def check_source(path: Path) -> None:
+    """Raises WayfixError for what is no log, or is being written."""
     LogReader(path)
     if is_being_written(path):
         raise WayfixError("is being written right now", str(path), "end the recording first")
 
 
-def _rewrite(source: Path, target: Path, added: Added, watch: Watch, cure: str) -> Rewritten:
+def rewrite(source: Path, target: Path, add: Callable[[Examination], Added], watch: Watch, cure: str) -> Rewritten:
+    """The sound records of `source`, and what `add` gives behind them, as `target`.
+
+    It has the rights and the time of `source`. Raises WayfixError; `target` is as it was then.
+    """
     try:
         with whole_file(target) as stream:
             copy = _Copy(stream)
             result = examine(source, lambda scan: watch("copying", scan), copy.take)
-            records, trip = added(result)
-            copy.finish(records, trip, result.last_ns or 0)
+            copy.finish(add(result), result.last_ns or 0)
             stream.flush()
             _compare(source, part_of(target), copy, lambda scan: watch("comparing", scan))
-            shutil.copymode(source, part_of(target))
+            shutil.copystat(source, part_of(target))
     except OSError as error:
         raise WayfixError(f"cannot be written ({error.strerror})", str(target), cure) from error
     return Rewritten(target, copy.count, result)
@@ -124,14 +142,15 @@ class _Copy:
 
     def __init__(self, stream: BinaryIO) -> None:
         self.count = 0
-        self.added: list[_Whole] = []
+        self.added: Callable[[], Iterable[Whole]] = _nothing
+        """What stands behind the source's own records."""
         self.metadata: list[Metadata] = []
         self.attachments = 0
         self._writer = Writer(stream, compression=CompressionType.ZSTD)
         self._is_started = False
         self._channels: dict[tuple[object, ...], int] = {}
         self._schemas: dict[tuple[str, str, bytes], int] = {}
-        self._topics: dict[str, _Whole] = {}
+        self._topics: dict[str, Whole] = {}
 
     def take(self, item: Item, scan: Scan) -> None:
         """Write one item. Raises OSError."""
@@ -146,33 +165,41 @@ class _Copy:
             self.attachments += 1
             self._writer.add_attachment(item.create_time, item.log_time, item.name, item.media_type, item.data)
 
-    def finish(self, records: list[dict[str, Any]], trip: dict[str, Any] | None, last_ns: int) -> None:
-        """Further `/session` records behind the last one, the metadata, and the index. Raises OSError."""
+    def finish(self, added: Added, last_ns: int) -> None:
+        """Write what is added behind the last record, the metadata, and the index. Raises OSError."""
         self._start("")
-        name, text = json_schema(SESSION)
-        schema = name, SchemaEncoding.JSONSchema, text
-        like = self._topics.get(SESSION)
-        for record in records:
-            data = json.dumps(record, allow_nan=False, separators=(",", ":")).encode()
-            whole = _Whole(SESSION, MessageEncoding.JSON, schema, (), 0, last_ns, last_ns, data)
-            if like is not None:
-                whole = whole._replace(
-                    encoding=like.encoding, schema=like.schema, channel_metadata=like.channel_metadata
-                )
+        first = [self._session(record, last_ns) for record in added.sessions]
+        for whole in chain(first, added.more()):
             self._write(whole)
-            self.added.append(whole)
-        if trip is not None:
-            self.metadata = [each for each in self.metadata if each.name != TRIP] + [Metadata(TRIP, as_metadata(trip))]
+            last_ns = max(last_ns, whole.log_time_ns)
+        last = [self._session(record, last_ns) for record in added.last]
+        for whole in last:
+            self._write(whole)
+        self.added = lambda: chain(first, added.more(), last)
+        if added.trip is not None:
+            self.metadata = [each for each in self.metadata if each.name != TRIP]
+            self.metadata.append(Metadata(TRIP, as_metadata(added.trip)))
         for each in self.metadata:
             self._writer.add_metadata(each.name, each.metadata)
         self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _session(self, record: dict[str, Any], log_time_ns: int) -> Whole:
+        """A `/session` record in the form that the source gives to them."""
+        name, text = json_schema(SESSION)
+        data = json.dumps(record, allow_nan=False, separators=(",", ":")).encode()
+        schema = name, SchemaEncoding.JSONSchema, text
+        whole = Whole(SESSION, MessageEncoding.JSON, schema, (), 0, log_time_ns, log_time_ns, data)
+        like = self._topics.get(SESSION)
+        if like is None:
+            return whole
+        return whole._replace(encoding=like.encoding, schema=like.schema, channel_metadata=like.channel_metadata)
 
     def _start(self, profile: str) -> None:
         if not self._is_started:
             self._is_started = True
             self._writer.start(profile=profile, library="wayfix")
 
-    def _write(self, whole: _Whole) -> None:
+    def _write(self, whole: Whole) -> None:
         self.count += 1
         key = whole[:4]
         channel = self._channels.get(key)
@@ -190,11 +217,11 @@ class _Copy:
         return self._schemas[schema]
 
 
-def whole_of(message: Message, schemas: dict[int, Schema]) -> _Whole:
+def whole_of(message: Message, schemas: dict[int, Schema]) -> Whole:
     """A message of a scan with its channel and schema."""
     channel, sequence, log_time_ns, publish_time_ns, data = message
     assert channel is not None
-    return _Whole(*_about(channel, schemas.get(channel.schema_id)), sequence, log_time_ns, publish_time_ns, data)
+    return Whole(*_about(channel, schemas.get(channel.schema_id)), sequence, log_time_ns, publish_time_ns, data)
 
 
 def _about(
@@ -222,7 +249,8 @@ def _compare(source: Path, copy_path: Path, copy: _Copy, watch: Callable[[Scan],
                     _same(next(found, None) == whole_of(item, scans[0].schemas))
                 elif isinstance(item, Attachment):
                     attachments.append(item)
-            _same(list(found) == copy.added)
+            _same(all(next(found, None) == whole for whole in copy.added()))
+            _same(next(found, None) is None)
             _same(list(reader.iter_metadata()) == copy.metadata)
             _same(list(reader.iter_attachments()) == attachments)
     except (OSError, WayfixError):
@@ -231,10 +259,10 @@ def _compare(source: Path, copy_path: Path, copy: _Copy, watch: Callable[[Scan],
         raise _differs() from error
 
 
-def _messages(found: Iterator[tuple[Schema | None, Channel, Any]]) -> Iterator[_Whole]:
+def _messages(found: Iterator[tuple[Schema | None, Channel, Any]]) -> Iterator[Whole]:
     for schema, channel, message in found:
         about = _about(channel, schema)
-        yield _Whole(*about, message.sequence, message.log_time, message.publish_time, message.data)
+        yield Whole(*about, message.sequence, message.log_time, message.publish_time, message.data)
 
 
 def _same(is_same: bool) -> None:

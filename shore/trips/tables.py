@@ -13,10 +13,11 @@ from rich.text import Text
 
 from common.command import printable
 from common.toml_text import toml_lines
+from common.words import counted
 from shore.logbook.arithmetic import VERSIONS, WORDS, arithmetic_of
 from shore.logbook.mcap.damage import AnotherLog, clock
 from shore.trips.examine import Examination
-from shore.trips.listing import Trip, day, number
+from shore.trips.listing import FIRST_DATE_NS, Trip, day, number
 
 PIPE_WIDTH: Final = 120
 """Width in characters where the output is no terminal and COLUMNS is not set."""
@@ -137,7 +138,7 @@ def _verdict(result: Examination) -> str:
         return ", nothing is lost"
     if result.state == "cut":
         others = len(reader.losses) - 1
-        more = f", and {_plural(others, 'stretch', 'stretches')} before that" if others else ""
+        more = f", and {counted(others, 'stretch', 'stretches')} before that" if others else ""
         what = f"what came after {_second(result.last_ns)}" if result.last_ns is not None else "all of it"
         return f", {what} is lost{more}"
     known = [loss.records for loss in reader.losses if loss.records is not None]
@@ -145,8 +146,8 @@ def _verdict(result: Examination) -> str:
         is_alone = not any(isinstance(flaw, AnotherLog) for flaw in reader.flaws)
         return ", but no record is lost" if is_alone else ", another log stands behind it"
     if len(known) == len(reader.losses):
-        return f", {_plural(sum(known), 'record')} lost"
-    return f", {_plural(len(reader.losses), 'stretch', 'stretches')} lost"
+        return f", {counted(sum(known), 'record')} lost"
+    return f", {counted(len(reader.losses), 'stretch', 'stretches')} lost"
 
 
 def frames_text(result: Examination) -> str:
@@ -156,7 +157,8 @@ def frames_text(result: Examination) -> str:
     if missing.in_file:
         told.append(f"{missing.in_file} more were in what is lost")
     if missing.on_link:
-        told.append(f"{missing.on_link} never came over the link")
+        come = "are still to come" if result.reader.is_being_written else "never came over the link"
+        told.append(f"{missing.on_link} {come}")
     return ", ".join(told if len(told) > 1 else [*told, "none missing"]) if result.census.count else "none"
 
 
@@ -196,12 +198,16 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
             yield ("trip" if key == "name" else key), words if key == "note" else printable(words)
     yield "boat", str(summary.get("boat") or "not known")
     if (start_ns := number(summary.get("utc_ns"), int)) is not None:
-        yield "time", f"{_second(start_ns)} to {_second(result.last_ns)}"
+        end_ns = number(summary.get("end_utc_ns"), int)
+        yield "time", f"{_second(start_ns)} to {_second(result.last_ns if end_ns is None else end_ns)}"
     yield "length", duration(number(summary.get("seconds")))
     yield "sailed", _sailed(summary, result.fixes_area)
     yield from _rests(result.trip.as_record())
     yield "frames", frames_text(result)
-    yield "filters", ", ".join(map(str, summary.get("filters") or ())) or "none"
+    if before := number(_part({"end": result.last("end")}, "end").get("lacking_before"), int):
+        still = "had not come when this one ended; the next `wayfix connect` fetches them"
+        yield "before", f"{counted(before, 'frame')} of earlier trips {still}"
+    yield "filters", ", ".join(map(str, summary.get("filters") or ())) or f"no estimates: {why_no_estimates(result)}"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
     start = result.starts[-1] if result.starts else {}
     if settings := _settings(_part(start, "options")):
@@ -215,7 +221,16 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     recovered = result.last("recovered")
     if recovered:
         count = len(recovered.get("losses", ()))
-        yield "recovered", f"from {recovered.get('from')}, which lost {_plural(count, 'stretch', 'stretches')}"
+        yield "recovered", f"from {recovered.get('from')}, which lost {counted(count, 'stretch', 'stretches')}"
+
+
+def why_no_estimates(result: Examination) -> str:
+    """Why a log holds none, in a sentence."""
+    start = result.starts[-1] if result.starts else {}
+    if not _part(start, "options").get("filters"):
+        return "no filter was asked for"
+    sensors = _part(_part(start, "connected"), "config").get("sensor") or ()
+    return result.why_none.text({str(each.get("id")): str(each.get("role")) for each in sensors})
 
 
 def _settings(options: dict[str, Any]) -> str:
@@ -288,7 +303,9 @@ def _warnings(result: Examination) -> Table:
         table.add_column(heading, no_wrap=heading != "what")
     for log_time_ns, event in result.warnings:
         style = _LEVEL_STYLES.get(event["level"], "")
-        table.add_row(_second(log_time_ns)[11:19], str(event["source"]), Text(str(event["text"]), style))
+        utc_ns = result.trip.utc.of(event["t_ns"]) if event["t_ns"] else None
+        at = _second(log_time_ns if utc_ns is None else utc_ns)
+        table.add_row(at.split()[-2][-8:], str(event["source"]), Text(str(event["text"]), style))
     return table
 
 
@@ -304,11 +321,9 @@ def _part(record: dict[str, Any], name: str) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _plural(count: int, one: str, many: str = "") -> str:
-    return f"{count} {one if count == 1 else many or one + 's'}"
-
-
 def _second(utc_ns: int | None) -> str:
+    if utc_ns is not None and utc_ns < FIRST_DATE_NS:
+        return f"unknown date {clock(utc_ns)[11:19]} UTC"
     return clock(utc_ns).replace(" UTC", "").split(".")[0] + " UTC" if utc_ns is not None else "?"
 
 

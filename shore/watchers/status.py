@@ -1,12 +1,19 @@
-"""Status line, one a second: every number has its age, source and quality, and a stale one is marked as stale."""
+"""Status line, one a second: every number has its age, source and quality, and a stale one is marked as stale.
+
+On a terminal it is one line: where it is too long, first what is well is left out, then what is said elsewhere.
+"""
 
 from collections.abc import Callable
+from datetime import UTC, datetime
 from math import hypot
 
 from common.units import NS_PER_S
+from common.words import counted
+from shore.link.catching_up import CatchingUp
 from shore.navigation.basis import COASTING, COURSE
 from shore.navigation.estimate import MOST_DOUBT_M, Estimate
 from shore.settings.station import DEFAULTS, StationSettings
+from shore.terminal import width_of_stderr
 from shore.watchers.newest import Age, Newest, quality_of
 from shore.watchers.watcher import SourceState, Start, Step, Watcher
 
@@ -14,7 +21,15 @@ from shore.watchers.watcher import SourceState, Start, Step, Watcher
 class StatusLine(Watcher):
     """Remembers the newest of everything, and says a line of it each second."""
 
-    def __init__(self, shown_filter: str, say: Callable[[str], None], settings: StationSettings = DEFAULTS) -> None:
+    def __init__(
+        self,
+        shown_filter: str,
+        say: Callable[[str], None],
+        settings: StationSettings = DEFAULTS,
+        width: Callable[[], int | None] = width_of_stderr,
+    ) -> None:
+        """width: of the terminal, characters; `None` = as long as it is."""
+        self._width = width
         self._filter = shown_filter
         self._say = say
         self._settings = settings
@@ -33,13 +48,39 @@ class StatusLine(Watcher):
     def each_second(self, now: SourceState) -> None:
         """Print the line, where one is wanted."""
         if self.newest is not None and self._settings.display.status_line:
-            self._say(status_text(self.newest, now))
+            self._say(status_text(self.newest, now, self._width()))
 
 
-def status_text(newest: Newest, now: SourceState) -> str:
-    """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age)."""
+def status_text(newest: Newest, now: SourceState, width: int | None = None) -> str:
+    """The line: estimate | newest fix | newest heading | frames. T = true, M = magnetic, (age).
+
+    width: most characters of the line.
+    """
+    whole = _whole_text(newest, now)
+    if width is None or len(whole) <= width:
+        return whole
+    estimate, lack = _estimate_text(newest), now.catching_up
+    sensors = [text for text in (_fix_text(newest), _heading_text(newest)) if "STALE" in text or "no" in text.split()]
+    missing = f"{now.missing:,} missing"
+    told = missing if lack is None else catching_up_text(lack)
+    trouble = [] if now.has_log else ["NO LOG"]
+    trouble += [] if now.lost_s is None else [f"LINK LOST for {now.lost_s:.0f} s"]
+    bare, *waiting = estimate.removeprefix(f"{newest.filter} ").split(" waiting for: ")
+    bare += " (not valid yet)" if waiting else ""
+    shorter = (
+        [*trouble, estimate, *sensors, told],
+        [*trouble, estimate, *sensors, missing],
+        [*trouble, bare, *sensors, missing],
+        [*trouble, bare, *sensors],
+    )
+    texts = [" | ".join(parts) for parts in shorter]
+    return next((text for text in texts if len(text) <= width), texts[-1][: width - 1] + "…")
+
+
+def _whole_text(newest: Newest, now: SourceState) -> str:
     gone = f", {now.gone} lost" if now.gone else ""
-    counts = f"{now.received} frames, {now.missing} missing{gone}"
+    missing = f"{now.missing} missing" if now.catching_up is None else catching_up_text(now.catching_up)
+    counts = f"{counted(now.received, 'frame')}, {missing}{gone}"
     text = f"{_estimate_text(newest)} | {_fix_text(newest)} | {_heading_text(newest)} | {counts}"
     if not now.has_log:
         text = f"NO LOG | {text}"
@@ -49,6 +90,18 @@ def status_text(newest: Newest, now: SourceState) -> str:
         return text
     refusal = f" ({now.refusal})" if now.refusal else ""
     return f"LINK LOST for {now.lost_s:.0f} s{refusal}, trying again | before: {text}"
+
+
+def catching_up_text(lack: CatchingUp) -> str:
+    """Catching up: 8,327 frames of 13:50 to 14:05, 1 min left. Times are UTC, seconds where it is about minutes."""
+    text = f"catching up: {counted(lack.frames, 'frame')}"
+    if lack.from_utc_ns is not None and lack.to_utc_ns is not None:
+        form = "%H:%M" if lack.to_utc_ns - lack.from_utc_ns > 300 * NS_PER_S else "%H:%M:%S"
+        begin, end = (datetime.fromtimestamp(ns // NS_PER_S, UTC) for ns in (lack.from_utc_ns, lack.to_utc_ns))
+        text += f" of {begin:{form}} to {end:{form}}"
+    if lack.left_s is None:
+        return text
+    return f"{text}, {lack.left_s:.0f} s left" if lack.left_s < 60.0 else f"{text}, {lack.left_s / 60:.0f} min left"
 
 
 def _estimate_text(newest: Newest) -> str:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Self
 from common.boat_config import BoatConfig
 from common.messages import Event, Frame
 from common.units import NS_PER_S
+from shore.link.catching_up import CatchingUp
 from shore.pipeline import Output
 
 
@@ -56,10 +57,12 @@ class Arrival(NamedTuple):
     """Time of arrival, the station's UTC, ns."""
     t_s: float = 0.0
     """Seconds of the run at the frame's end."""
+    is_live: bool = True
+    """False for a frame that came after the end of its trip: no filter of the live run was given it."""
 
 
 class Step(NamedTuple):
-    """One frame and what it led to: the fields of `Arrival`, and the pipeline's output."""
+    """One frame and what it led to: the first fields of `Arrival`, and the pipeline's output."""
 
     data: bytes
     frame: Frame
@@ -73,7 +76,7 @@ class Step(NamedTuple):
     @classmethod
     def of(cls, arrival: Arrival, output: Output) -> Self:
         """The step that a frame and the pipeline's output make."""
-        return cls(*arrival, output, tuple(estimate.as_record() for estimate in output.estimates))
+        return cls(*arrival[:5], output, tuple(estimate.as_record() for estimate in output.estimates))
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -98,6 +101,8 @@ class SourceState:
     round_trip_ms: float | None = None
     has_log: bool = True
     """False once the log has ended before the run."""
+    catching_up: CatchingUp | None = None
+    """What is missing, and how long it takes to come; `None` = nothing is, or nobody knows."""
 
 
 class Watcher:

@@ -197,7 +197,7 @@ def test_without_matplotlib_one_sentence_before_the_work(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setattr("shore.lab.command.run_campaigns", lambda *_: pytest.fail("the work began"))
     assert main(["lab", "run", "5.1", "--plots", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.strip().endswith("pip install 'wayfix[report]'")
+    assert capsys.readouterr().err.strip().endswith("-m pip install '.[report]', in the directory of Wayfix")
 
 
 def sensors_in_place_of_a_filter(name: str, setting: Setting, *, first: bool) -> Outcome:

@@ -213,7 +213,7 @@ def test_one_client_too_many_is_refused_until_another_leaves() -> None:
         first = await bench.joined()
         second = bench.client()
         await second.lease()
-        assert (await second.expect("error"))["what"] == "1 clients are connected"
+        assert (await second.expect("error"))["what"] == "1 client is connected"
         await first.say("bye", session=first.name)
         for _ in range(50):
             await second.lease()

@@ -259,6 +259,16 @@ def test_bad_numbers_are_visible_and_raise_nothing(name: str, space: StateSpace,
     assert not each.estimate.healthy
 
 
+@pytest.mark.parametrize("dt_s", [0.0, -1.0, math.nan, math.inf])
+def test_a_step_that_is_none_is_refused_with_a_reason(dt_s: float) -> None:
+    each = build_filter("ukf", thesis_facts())
+    each.start(np.zeros(5), np.eye(5))
+    before = each.estimate
+    with pytest.raises(ValueError, match=rf"ukf cannot move on by {dt_s} s: give a finite step above 0"):
+        each.predict(dt_s, None)
+    assert each.estimate is before
+
+
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 def test_restore_continues_bit_for_bit(name: str, mission: Truth, scenario_53: Callable[[int], Run]) -> None:
     run = scenario_53(7)

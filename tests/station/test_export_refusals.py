@@ -145,7 +145,7 @@ def test_a_missing_package_is_named_before_the_work(
     kind: str, package: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(WayfixError, match=rf"{package} is missing.*pip install 'wayfix\[{extra}\]'"):
+    with pytest.raises(WayfixError, match=rf"{package} is missing.*pip install '\.\[{extra}\]'"):
         export(tmp_path / "not read.mcap", "--to", kind, tmp_path / "a")
 
 

@@ -196,12 +196,12 @@ def test_a_slow_disk_delays_nothing_and_the_cursor_waits_for_it(
 ) -> None:
     recorder, is_free, done = LogRecorder(tmp_path, "springer", print), Event(), list[str]()
     monkeypatch.setattr("os.fsync", lambda _descriptor: is_free.wait(20.0))
-    recorder.sync(lambda: done.append("first"))
-    recorder.sync(lambda: done.append("left out: the disk is busy"))
+    recorder.sync(lambda: lambda: done.append("first"))
+    recorder.sync(lambda: lambda: done.append("left out: the disk is busy"))
     assert recorder.behind_s > 0.0
     assert done == []
     is_free.set()
-    recorder.sync(lambda: done.append("last"), wait=True)
+    recorder.sync(lambda: lambda: done.append("last"), wait=True)
     recorder.close()
     assert done == ["first", "last"]
     assert recorder.behind_s == 0.0
@@ -217,8 +217,8 @@ def test_a_sync_that_fails_beside_the_run_ends_the_log_and_moves_no_cursor(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    recorder.sync(lambda: said.append("cursor"))
-    recorder.sync(lambda: said.append("cursor"), wait=True)
+    recorder.sync(lambda: lambda: said.append("cursor"))
+    recorder.sync(lambda: lambda: said.append("cursor"), wait=True)
     monkeypatch.undo()
     assert "No space left" in str(recorder.fault)
     assert len(said) == 1

@@ -26,7 +26,7 @@ from tests.station.imports import tpv
 
 GPSD = "\n".join(tpv(second, lat=60.0 + 1e-5 * second, lon=24.0, speed=4.0, track=0.0) for second in range(30))
 STEPPED = b'[filter]\nnames = ["ukf", "fuzzy"]\nstep_s = 2\n'
-TABLES = ("filter", "limits", "display")
+TABLES = ("filter", "limits", "display", "log")
 
 
 @pytest.fixture

@@ -112,7 +112,7 @@ def test_the_daemon_lives_on_without_a_port_and_says_so_once(tmp_path: Path) -> 
     daemon = Process("wayfix-onboard", "run", "--open", write_config(tmp_path))
     try:
         address = daemon.ready()["bind"]
-        done = command("wayfix", "connect", "--open", address, "--frames", "2", "--period", "0.1")
+        done = command("wayfix", "connect", "--open", address, "--no-log", "--frames", "2", "--period", "0.1")
         assert done.returncode == 0
         assert "compass1 missing: no such device" in done.stderr
         assert sum("cannot be opened: no such device" in line for line in daemon.err) == 1

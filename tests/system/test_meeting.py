@@ -51,7 +51,7 @@ def paired(directory: Path, process: Process, keys: Path, *rights: str) -> None:
 
 def test_paired_once_the_boat_is_found_and_others_are_refused(tmp_path: Path) -> None:
     keys, stranger = tmp_path / "keys", tmp_path / "stranger"
-    frames = ("connect", "--frames", "5", "--period", "0.1")
+    frames = ("connect", "--no-log", "--frames", "5", "--period", "0.1")
     with board(tmp_path) as running:
         place = address_of(running)
         paired(tmp_path, running, keys)

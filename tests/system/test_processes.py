@@ -198,7 +198,7 @@ def test_killing_the_virtual_boat_is_three_lost_ports_and_the_daemon_lives(tmp_p
 
 def test_killing_the_station_is_one_line_on_board(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
-        ashore = Process("wayfix", "connect", "--open", running.address)
+        ashore = Process("wayfix", "connect", "--open", running.address, "--no-log")
         ashore.wait_for_words("fuzzy")
         ashore.send(signal.SIGKILL)
         ashore.finish()
@@ -276,7 +276,7 @@ def test_the_synchronous_step_gives_one_estimate_a_step(tmp_path: Path) -> None:
 
 def test_fewer_frames_than_asked_is_exit_code_one(tmp_path: Path) -> None:
     with boat(tmp_path) as running:
-        ashore = Process("wayfix", "connect", "--open", running.address, "--frames", "500")
+        ashore = Process("wayfix", "connect", "--open", running.address, "--no-log", "--frames", "500")
         running.daemon.wait_for_words("joined")
         time.sleep(0.5)
         running.daemon.send(signal.SIGTERM)

@@ -107,7 +107,7 @@ def test_without_the_right_key_there_is_one_sentence_and_no_byte_of_data(tmp_pat
         }
         for words, mode in cases.items():
             with Relay(running.target) as relay:
-                done = command("wayfix", "connect", *mode, relay.address)
+                done = command("wayfix", "connect", *mode, relay.address, "--no-log")
                 sentences = [line for line in done.stderr.splitlines() if "OPEN LINK" not in line]
                 assert (done.returncode, len(sentences)) == (2, 1), done.stderr
                 assert words in sentences[0]
@@ -242,7 +242,7 @@ def test_a_station_comes_back_over_half_a_second_of_round_trip(tmp_path: Path) -
 def test_with_wait_a_boat_may_answer_late(tmp_path: Path) -> None:
     with boat(tmp_path, is_open=False) as running, Relay(running.target) as relay:
         relay.blackhole()
-        ashore = Process("wayfix", "connect", "--wait", *running.mode, relay.address)
+        ashore = Process("wayfix", "connect", "--wait", "--no-log", *running.mode, relay.address)
         try:
             time.sleep(CONNECT_TIMEOUT_S + 1.0)
             assert ashore.popen.poll() is None

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from common.units import NS_PER_S
+from common.words import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +37,7 @@ class Loss:
         return {**asdict(self), "seconds": self.seconds, "start_utc": iso(self.start_ns), "end_utc": iso(self.end_ns)}
 
     def __str__(self) -> str:
-        how_many = f"{self.records} record{'s'[: self.records != 1]}"
-        if self.records is None:
-            how_many = "an unknown number of records"
+        how_many = "an unknown number of records" if self.records is None else counted(self.records, "record")
         is_empty = self.first_byte == self.end_byte
         where = f"at byte {self.first_byte}" if is_empty else f"bytes {self.first_byte} to {self.end_byte}"
         return f"{how_many} lost {self.when}, {where}: {self.reason}"

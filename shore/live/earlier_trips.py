@@ -1,0 +1,88 @@
+"""Late frames (backfill) of earlier trips: kept beside each trip while they come, then put into its log.
+
+Whose trip a frame is the ledger decides (`shore/link/frame_ledger.py`). What is of an earlier one goes past filters and
+screen into `<trip>-late.mcap`, a log like any other. Where the program dies, the next session finds it there.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from common.errors import WayfixError
+from common.words import counted
+from shore.logbook.lock import is_being_written
+from shore.logbook.log_reader import read_log
+from shore.logbook.log_writer import LogWriter, late_log, late_logs
+from shore.pipeline import Output
+from shore.terminal import every_end_is_ctrl_c
+from shore.trips.complete import complete
+from shore.watchers.log import LogWatcher
+from shore.watchers.watcher import Arrival, Step
+
+LONG_BYTES: Final = 5_000_000
+"""A log that is larger takes some ten seconds to be written once more, bytes."""
+
+
+class EarlierTrips:
+    """Writes the late frames of one session."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._writers: dict[str, LogWriter] = {}
+
+    def take(self, trip: str, arrival: Arrival) -> None:
+        """Keep a frame of the trip whose log has this name. Raises WayfixError."""
+        writer = self._writers.get(trip)
+        if writer is None:
+            writer = self._writers[trip] = late_log(self._directory / trip)
+            writer.write_session(_start_of(self._directory / trip) or arrival.start.record, arrival.log_time_ns)
+        LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
+
+    def drop_gone(self) -> list[str]:
+        """Give up the logs that were removed while they were written; returns the trips they were of."""
+        gone = [trip for trip, writer in self._writers.items() if writer.is_gone]
+        for trip in gone:
+            self._writers.pop(trip).abandon()
+        return gone
+
+    def flush(self) -> list[int]:
+        """What came so far is the system's; the descriptors to be synced. Raises WayfixError."""
+        return [writer.flush() for writer in self._writers.values()]
+
+    def end(self, lacks_of: Callable[[str], list[list[object]]], t_ns: int) -> None:
+        """End the logs with what each trip lacks still. Raises WayfixError."""
+        for trip, writer in self._writers.items():
+            writer.write_session({"kind": "end", "lacks": lacks_of(trip)}, t_ns)
+            writer.close()
+        self._writers.clear()
+
+
+def complete_trips(directory: Path, say: Callable[[str], None]) -> None:
+    """Put what lies beside trips into their logs, also what a station that died left there.
+
+    What cannot be put there (the log is gone, is damaged or is being written) stays a log of its own, and that is said;
+    so does all after Ctrl-C, until the next session ends.
+    """
+    with suppress(OSError), every_end_is_ctrl_c():
+        for trip, late in late_logs(directory):
+            if is_being_written(late):
+                continue
+            if trip.exists() and trip.stat().st_size > LONG_BYTES:
+                say(f"{trip}: what came late is put into it, which takes a while (Ctrl-C leaves it for the next time)")
+            try:
+                count = complete(trip, late)
+            except WayfixError as error:
+                say(f"{late} stays a log of its own: {error}")
+            except KeyboardInterrupt:
+                say(f"{late} stays a log of its own until the next `wayfix connect` ends")
+                return
+            else:
+                say(f"{trip}: {counted(count, 'frame')} that came late {'is' if count == 1 else 'are'} in it now")
+
+
+def _start_of(trip: Path) -> dict[str, object] | None:
+    """The first session record of a log, where there is one."""
+    with suppress(WayfixError):
+        return next((record for record in read_log(trip).session() if record["kind"] == "start"), None)
+    return None

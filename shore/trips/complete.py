@@ -1,0 +1,72 @@
+"""Log completion (backfill): frames that came after the end of a trip go into its log, behind a `completed` record."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from common.codec import decode_frame
+from common.errors import CodecError, WayfixError
+from shore.logbook.log_reader import LogReader
+from shore.logbook.mcap.scan import Scan
+from shore.logbook.schemas import EVENTS, FIXES, FRAMES
+from shore.trips.examine import Examination
+from shore.trips.recover import Added, Whole, check_source, rewrite, whole_of
+
+_CURE = "`wayfix log verify` says what is wrong with it"
+
+
+def complete(trip: Path, late: Path) -> int:
+    """Put the frames of the log `late` into the log `trip`, and remove `late`; returns how many were new there.
+
+    A trip that was cut (its station died) gets its end by this. Safe to do again after a power cut at any moment.
+    Raises WayfixError; both logs are as before then.
+    """
+    if not trip.exists():
+        raise WayfixError("there is no such log any more", str(trip), "keep both")
+    check_source(trip)
+    new: set[int] = set()
+
+    def added(result: Examination) -> Added:
+        if not (result.state in ("whole", "cut") and len(result.reader.losses) <= int(result.reader.is_cut)):
+            raise WayfixError(f"is {result.state}", str(trip), _CURE)
+        for number, record in _records(late):
+            if record.topic == FRAMES:
+                try:
+                    frame = decode_frame(record.data)
+                except CodecError as error:
+                    what = f"holds a frame that is not understood ({error.what})"
+                    raise WayfixError(what, str(late), _CURE) from error
+                if not result.census.holds(frame):
+                    new.add(number)
+                    result.census.frame(frame)
+                    result.trip.frame(frame)
+        summary = {"kind": "summary", **result.trip.as_record()}
+        return Added([_completed(late)], lambda: _new(late, new), [summary], summary)
+
+    rewrite(trip, trip.resolve(), added, lambda _step, _scan: None, "free some space; both logs are as they were")
+    late.unlink()
+    return len(new)
+
+
+def _records(late: Path) -> Iterator[tuple[int, Whole]]:
+    """The records of a log with their numbers."""
+    scans: list[Scan] = []
+    with closing(LogReader(late).items(lambda scan: scans.append(scan) if not scans else None)) as items:
+        for number, item in enumerate(item for item in items if isinstance(item, tuple)):
+            yield number, whole_of(item, scans[0].schemas)
+
+
+def _completed(late: Path) -> dict[str, object]:
+    """What a trip holds where it goes on: from which log, and what it lacks still, where that is known."""
+    ends = [record for record in LogReader(late).session() if record["kind"] == "end" and "lacks" in record]
+    return {"kind": "completed", "from": late.name, **({"lacks": ends[-1]["lacks"]} if ends else {})}
+
+
+def _new(late: Path, new: set[int]) -> Iterator[Whole]:
+    """New frames, and what belongs to each: its fixes once more, and its events."""
+    is_new = False
+    for number, record in _records(late):
+        if record.topic == FRAMES:
+            is_new = number in new
+        if is_new and (record.topic in (FRAMES, EVENTS) or record.topic.startswith(FIXES)):
+            yield record
