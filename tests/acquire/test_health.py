@@ -202,7 +202,7 @@ def test_the_first_bytes_of_a_line_accuse_nobody() -> None:
 def damage_events(shares: list[tuple[int, int]]) -> list[str]:
     """Codes told when in each second so many lines come whole and so many damaged."""
     wire = Wire()
-    watch = DamageWatch(wire, periodic=True)
+    watch = DamageWatch(wire)
     codes = []
     for second, (whole, bad) in enumerate(shares):
         wire.readable += whole
