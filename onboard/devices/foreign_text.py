@@ -12,7 +12,7 @@ from typing import Final
 
 from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
 
-SAMPLE: Final = 60
+SAMPLE: Final = 76
 """Number of characters of a line that are shown."""
 _PRINTABLE: Final = bytes((*b"\t\r\n", *range(0x20, 0x7F)))
 _GATEWAY: Final = "set the gateway to NMEA 0183 output"
@@ -140,7 +140,14 @@ def strange_bytes(data: bytes) -> int:
     return len(data.translate(None, _PRINTABLE))
 
 
+def visible(data: bytes) -> str:
+    """A line as people see it: control characters by their number, what is no text in hexadecimal."""
+    if 10 * strange_bytes(data) > 3 * len(data):
+        return data.hex(" ")
+    return "".join(chr(byte) if 0x20 <= byte < 0x7F else f"\\x{byte:02x}" for byte in data)
+
+
 def shown(data: bytes) -> str:
-    """A line as people see it: what does not print by its number, shortened."""
-    text = ascii(data.decode("latin-1"))[1:-1].replace("\\\\", "\\")
+    """The same, shortened."""
+    text = visible(data)
     return text if len(text) <= SAMPLE else f"{text[: SAMPLE - 3]}..."

@@ -79,6 +79,8 @@ class SensorMonitor:
         self._pauses = ReopenPauses(started_ns)
         self._since_good = SinceGood(self.wire, self.rejected)
         self._rate = Rate(started_ns)
+        self.rate_hz = 0.0
+        """Rate of its measurements at the last report, Hz."""
         self._accepted_then = 0
         """Number of good lines at the last report."""
         self._hint_ns = started_ns
@@ -126,13 +128,10 @@ class SensorMonitor:
         state = self._delivery.state_at(now_ns)
         return SHOWN[state], self._reason(state, now_ns)
 
+    @property
     def last_good_ns(self) -> int | None:
         """Boat time of the last good line, ns; `None` = none yet."""
         return self._delivery.last_good_ns
-
-    def rate_hz(self, now_ns: int) -> float:
-        """Measurements a second, as in the reports."""
-        return self._rate.report_hz(now_ns)
 
     def why_not(self, now_ns: int, hint: Stranger | None) -> words.Why:
         """Why no good line has come so far; hint: what comes instead."""
@@ -218,13 +217,14 @@ class SensorMonitor:
         return event(code, now_ns, sensor, sensor=sensor, age_s=age_s, reason=text[:MAX_REASON], **known)
 
     def _health(self, state: str, reason: str | None, now_ns: int) -> SensorHealth:
+        self.rate_hz = self._rate.report_hz(now_ns)
         return SensorHealth(
             sensor=self.table.id,
             t_ns=now_ns,
             state=state,
             reason=reason,
             last_good_t_ns=self._delivery.last_good_ns,
-            rate_hz=self._rate.report_hz(now_ns),
+            rate_hz=self.rate_hz,
             flooded=self.wire.flooded,
             accepted=self.accepted,
             unchecked=self.unchecked,
