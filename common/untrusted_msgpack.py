@@ -13,7 +13,8 @@ from common.errors import CodecError
 MAX_DEPTH: Final = 6
 MAX_ENTRIES: Final = 1024
 """Most entries of one list or map."""
-MAX_TEXT_BYTES: Final = 4096
+MAX_TEXT_BYTES: Final = 65_536
+"""Most bytes of one text: the status of a board with a hundred sensors."""
 
 
 def unpack_untrusted(data: bytes, limit: int) -> Any:

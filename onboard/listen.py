@@ -9,6 +9,7 @@ from typing import Any, Final
 from common.boat_config import PortTable, SensorTable
 from common.command import number
 from common.errors import WayfixError
+from common.visible_lines import VisibleLines
 
 _PAUSE_S: Final = 0.3
 """A line that has not ended after so long is shown as it is, s."""
@@ -28,22 +29,21 @@ def _listen(arguments: argparse.Namespace) -> int:
 
     What is no text is shown in hexadecimal. As soon as it is known what comes, a line on stderr says so.
     """
-    from onboard.devices.foreign_text import visible
     from onboard.reading.recent_bytes import RecentBytes
 
-    recent, pending, is_named = RecentBytes(), b"", False
+    recent, lines, is_named = RecentBytes(), VisibleLines(_tell), False
     for data in _chunks(PortTable(name="port", path=arguments.port, baud=arguments.baud)):
         recent.add(data)
-        *lines, pending = (pending + data).replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")
-        if not data and pending:
-            lines, pending = [*lines, pending], b""
-        for line in filter(None, lines):
-            sys.stdout.write(f"{visible(line)}\n")
+        lines.feed(data)
         sys.stdout.flush()
         if not is_named and len(recent.newest()) >= _VERDICT_BYTES and (words := _verdict(recent.newest())) is not None:
             sys.stderr.write(f"{words}\n")
             is_named = True
     raise WayfixError("the device is gone", arguments.port, "check plug and power")
+
+
+def _tell(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
 
 
 def _chunks(table: PortTable) -> Iterator[bytes]:

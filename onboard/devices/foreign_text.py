@@ -10,11 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
+from common.visible_lines import is_text
 from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
 
-SAMPLE: Final = 76
-"""Number of characters of a line that are shown."""
-_PRINTABLE: Final = bytes((*b"\t\r\n", *range(0x20, 0x7F)))
 _GATEWAY: Final = "set the gateway to NMEA 0183 output"
 _AS_NMEA: Final = "let the receiver send NMEA"
 
@@ -128,26 +126,3 @@ def format_of(data: bytes) -> str:
 def cure_of(name: str) -> str:
     """What to do when lines of this format come; "" = no setting of the device helps."""
     return next((cure for known, _, cure in _FORMS if known == name), "")
-
-
-def is_text(data: bytes) -> bool:
-    """Printable, but for one letter in ten of another alphabet (a degree sign)."""
-    return 10 * strange_bytes(data) <= len(data)
-
-
-def strange_bytes(data: bytes) -> int:
-    """Number of bytes that are neither printable ASCII nor ends of lines."""
-    return len(data.translate(None, _PRINTABLE))
-
-
-def visible(data: bytes) -> str:
-    """A line as people see it: control characters by their number, what is no text in hexadecimal."""
-    if 10 * strange_bytes(data) > 3 * len(data):
-        return data.hex(" ")
-    return "".join(chr(byte) if 0x20 <= byte < 0x7F else f"\\x{byte:02x}" for byte in data)
-
-
-def shown(data: bytes) -> str:
-    """The same, shortened."""
-    text = visible(data)
-    return text if len(text) <= SAMPLE else f"{text[: SAMPLE - 3]}..."

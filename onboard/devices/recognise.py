@@ -13,8 +13,9 @@ from typing import Final
 from common.boat_config import ROLES, SensorTable
 from common.framer import Measurement
 from common.units import NS_PER_S
+from common.visible_lines import shown, strange_bytes
 from onboard.devices.driver import COMPANIONS, Accepted, Line
-from onboard.devices.foreign_text import TextSeen, cure_of, maker_of, shown, strange_bytes, text_seen
+from onboard.devices.foreign_text import TextSeen, cure_of, maker_of, text_seen
 from onboard.devices.framings import NO_DRIVER, frames_in
 from onboard.devices.nmea_sentence import address, check_sentence
 from onboard.devices.port_decoder import PortDecoder
@@ -189,10 +190,8 @@ def _text(table: SensorTable, data: bytes) -> Stranger | None:
 
 def _seven_bits(data: bytes) -> Stranger | None:
     """Sentences sent with seven bits and parity: the eighth bit of about half the bytes is set."""
-    if data.isascii():
-        return None
     lines = bytes(byte & 0x7F for byte in data).replace(b"\r", b"\n").split(b"\n")
-    sound = sum(not isinstance(check_sentence(line), str) for line in lines)
+    sound = sum(not isinstance(check_sentence(line), str) and line not in data for line in lines)
     if sound < LEAST_LINES:
         return None
     return Stranger("sentences with 7 bits and parity come", "set the device to 8 bits, no parity, 1 stop bit (8N1)")

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
-from common.boat_config import PortTable, SensorTable
+from common.boat_config import PortTable
 from common.events import event
 from common.framer import Measurement
 from common.messages import Event
@@ -118,11 +118,12 @@ class PortChain:
         self._tell_damage(now_ns)
         for monitor in self.monitors.values():
             if monitor.wants_hint(now_ns):
-                monitor.hint = self.stranger(monitor.table)
+                monitor.hint = self.stranger(monitor)
 
-    def stranger(self, table: SensorTable) -> Stranger | None:
-        """What comes on the port that is not for this sensor: another device, or another model of it."""
-        return stranger(table, self.recent.newest(), self.decoder.unclaimed)
+    def stranger(self, monitor: SensorMonitor) -> Stranger | None:
+        """What has come since this sensor's last good line: another device, or another model of it."""
+        newest = self.recent.newest()
+        return stranger(monitor.table, newest[max(0, len(newest) - monitor.unread_bytes) :], self.decoder.unclaimed)
 
     def changed(self, reason: str | None, now_ns: int) -> None:
         """The port opened (None) or was lost. One event for each loss and each return, whatever is tried in between."""

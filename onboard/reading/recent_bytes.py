@@ -3,6 +3,7 @@
 from typing import Final
 
 KEPT_BYTES: Final = 8_192
+FEW_BYTES: Final = 1_024
 
 
 class RecentBytes:
@@ -27,6 +28,6 @@ class RecentBytes:
         return bytes(self._kept)
 
     def since(self, place: int) -> tuple[bytes, int]:
-        """The bytes from a place on, or all that are kept of them, and the place behind them."""
-        missing = max(0, self._end - place)
+        """The bytes from a place on, or all that are kept of them, and the place behind them; -1 = the newest few."""
+        missing = max(0, self._end - place) if place >= 0 else min(self._end, FEW_BYTES)
         return (bytes(self._kept[-missing:]) if missing else b""), self._end

@@ -8,7 +8,7 @@ A monitor is given every outcome and every change of the port, and is asked at e
 """
 
 from collections import Counter
-from typing import Final
+from typing import Any, Final
 
 from common.boat_config import ROLES, SensorTable, stale_after_s
 from common.events import event
@@ -129,9 +129,21 @@ class SensorMonitor:
         return SHOWN[state], self._reason(state, now_ns)
 
     @property
+    def unread_bytes(self) -> int:
+        """Number of bytes of the port since the last good line."""
+        return self._since_good.size
+
+    @property
     def last_good_ns(self) -> int | None:
         """Boat time of the last good line, ns; `None` = none yet."""
         return self._delivery.last_good_ns
+
+    def status(self, now_ns: int) -> dict[str, Any]:
+        """State, reason, rate (Hz) and age of the last good line (s), for the request `status`."""
+        state, reason = self.state(now_ns)
+        last_ns = self.last_good_ns
+        age_s = None if last_ns is None else round(max(0, now_ns - last_ns) / NS_PER_S, 1)
+        return {"state": state, "reason": reason, "rate_hz": round(self.rate_hz, 3), "age_s": age_s}
 
     def why_not(self, now_ns: int, hint: Stranger | None) -> words.Why:
         """Why no good line has come so far; hint: what comes instead."""

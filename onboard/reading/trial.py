@@ -9,7 +9,7 @@ from common.boat_config import ROLES, BoatConfig, PortTable, SensorTable
 from common.clock import BoatClock, machine_clock_id
 from common.framer import Identity
 from common.units import NS_PER_S
-from onboard.devices.foreign_text import is_text, shown, strange_bytes
+from common.visible_lines import is_text, shown, strange_bytes
 from onboard.devices.recognise import WANTED
 from onboard.reading.acquisition import Acquisition
 from onboard.reading.polled_port import PolledPort
@@ -110,7 +110,7 @@ def _sensor_heard(chain: PortChain, monitor: SensorMonitor, now_ns: int) -> Sens
     if kinds and not delivers:
         why = f"{', '.join(kinds)} come, which say nothing of it alone: {WANTED.get(table.role, '')}"
     elif not delivers and (ROLES[table.role].periodic or chain.wire.heard_bytes):
-        why = str(monitor.why_not(now_ns, chain.stranger(table)))
+        why = str(monitor.why_not(now_ns, chain.stranger(monitor)))
     return SensorHeard(table, delivers, monitor.rate_hz, kinds, why)
 
 

@@ -117,7 +117,7 @@ class Conversion:
         instead = None
         if not chain.tally.accepted:
             monitor, *_ = chain.monitors.values()
-            instead = str(monitor.why_not(t1_ns, chain.stranger(monitor.table)))
+            instead = str(monitor.why_not(t1_ns, chain.stranger(monitor)))
         return Summary(chain.tally, chain.splitter.overflows, self._t0_ns, t1_ns, instead)
 
     def _ticks_to(self, t_ns: int) -> Iterator[Frame]:
