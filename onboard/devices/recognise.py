@@ -13,13 +13,14 @@ from typing import Final
 from common.boat_config import ROLES, SensorTable
 from common.framer import Measurement
 from common.units import NS_PER_S
-from common.visible_lines import shown, strange_bytes
+from common.visible_lines import is_text, shown
 from onboard.devices.driver import COMPANIONS, Accepted, Line
 from onboard.devices.foreign_text import TextSeen, cure_of, maker_of, text_seen
 from onboard.devices.framings import NO_DRIVER, frames_in
 from onboard.devices.nmea_sentence import address, check_sentence
 from onboard.devices.port_decoder import PortDecoder
 from onboard.devices.registry import MODELS, make_driver
+from onboard.devices.unknown_frames import unknown_mark
 
 SAMPLE_BYTES: Final = 4_096
 """Number of bytes of a port, the newest, that are enough to recognise what comes."""
@@ -55,8 +56,8 @@ class Stranger:
 
 
 NOISE: Final = Stranger("none readable: wrong baud rate?", "")
-"""Bytes that are neither text nor frames of a protocol that is known."""
-LEAST_NOISE_BYTES: Final = 32
+"""Bytes that are neither text nor packets of a protocol."""
+LEAST_NOISE_BYTES: Final = 16
 
 
 @dataclass(slots=True)
@@ -137,7 +138,7 @@ def stranger(table: SensorTable, data: bytes, unclaimed: Sequence[Line]) -> Stra
         or packets
         or _seven_bits(left)
         or _text(table, left)
-        or (NOISE if len(left) >= LEAST_NOISE_BYTES and 10 * strange_bytes(left) > 3 * len(left) else None)
+        or _no_text(table, left)
     )
 
 
@@ -186,6 +187,17 @@ def _text(table: SensorTable, data: bytes) -> Stranger | None:
     name, _ = seen.formats.most_common(1)[0]
     what = f"{name} comes that no driver reads, like '{shown(seen.example)}'"
     return Stranger(what, cure_of(name) or _wanted(table.role))
+
+
+def _no_text(table: SensorTable, data: bytes) -> Stranger | None:
+    """What is no text is noise, unless it has the order of a protocol."""
+    if len(data) < LEAST_NOISE_BYTES or is_text(data):
+        return None
+    mark = unknown_mark(data)
+    if mark is None:
+        return NOISE
+    what = f"packets of a binary protocol that is not known here come, each with {mark.hex(' ')} before it"
+    return Stranger(what, _wanted(table.role))
 
 
 def _seven_bits(data: bytes) -> Stranger | None:

@@ -53,7 +53,7 @@ _CURES: Final = {
 def instead_of_its_lines(came: Instead) -> Why:
     """What came in place of a sensor's lines."""
     bad = came.rejected
-    if came.hint is NOISE and not came.flooded:
+    if came.hint is NOISE and not came.flooded and not came.readable:
         return Why(f"{came.size} bytes came, {NOISE.what}")
     if came.hint is not None and came.hint is not NOISE:
         return Why(came.hint.what, came.hint.cure)

@@ -1,4 +1,5 @@
 import importlib
+import random
 import re
 from collections.abc import Callable
 
@@ -165,6 +166,23 @@ def test_a_sentence_has_a_name(line: bytes, name: str) -> None:
 )
 def test_a_line_of_text_has_a_format(line: bytes, name: str) -> None:
     assert format_of(line) == name
+
+
+def test_packets_of_an_unknown_protocol_are_noticed_by_their_length_or_checksum() -> None:
+    chance = random.Random(5)
+    counted = b"".join(
+        b"\xc3\x5a" + bytes([1, size]) + chance.randbytes(size) for size in (chance.randrange(9, 60) for _ in range(30))
+    )
+    summed = b"".join(
+        packet + bytes([sum(packet) & 0xFF]) for packet in (b"\xc3\x5a" + chance.randbytes(20) for _ in range(30))
+    )
+    table = SensorTable(id="gps1", port="p", role="gps")
+    for data in (counted, summed):
+        found = stranger(table, data, [])
+        assert found is not None
+        assert "that is not known here come, each with c3 5a before it" in found.what
+    spoiled = b"".join(b"\xc3\x5a" + chance.randbytes(21) for _ in range(30))
+    assert stranger(table, spoiled, []) is NOISE
 
 
 def test_seven_bits_with_parity_are_told_apart_from_a_wrong_speed() -> None:
