@@ -1,15 +1,19 @@
 """Escaping of serial lines for a terminal: control characters by their number, what is no text in hexadecimal."""
 
+import re
 from collections.abc import Callable
 from typing import Final
 
 SAMPLE: Final = 76
 """Number of characters of a line that are shown as a sample."""
+_DEGREES: Final = re.compile(rb"(?<=[0-9]) ?\xc2?\xb0")
 _PRINTABLE: Final = bytes((*b"\t\r\n", *range(0x20, 0x7F)))
 
 
 def strange_bytes(data: bytes) -> int:
-    """Number of bytes that are neither printable ASCII nor ends of lines."""
+    """Number of bytes that are neither printable ASCII nor ends of lines, nor the degree sign of a number."""
+    if b"\xb0" in data:
+        data = _DEGREES.sub(b"", data)
     return len(data.translate(None, _PRINTABLE))
 
 

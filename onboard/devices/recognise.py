@@ -149,7 +149,7 @@ def models_of(role: str) -> str:
 
 def _packets(table: SensorTable, names: Sequence[str], cure: str) -> Stranger:
     """Frames of a binary protocol; no setting makes an inertial unit of what sends NMEA."""
-    return Stranger(f"{' and '.join(names[:2])} comes", cure if table.role in WANTED else _wanted(table.role))
+    return Stranger(f"what comes is {' and '.join(names[:2])}", cure if table.role in WANTED else _wanted(table.role))
 
 
 def _known_lines(table: SensorTable, unclaimed: Sequence[Line]) -> Stranger | None:
@@ -175,7 +175,7 @@ def _sentences(table: SensorTable, seen: TextSeen) -> Stranger | None:
     makers = sorted({maker_of(name) for name in names} - {""})
     said = ", ".join(names) + (f" of {' and '.join(makers)}" if makers else "")
     role = "compass" if table.role == "gps" and set(names) <= HEADINGS else table.role
-    return Stranger(f"{said} comes, which is not read", _wanted(role))
+    return Stranger(f"what comes is {said}, which is not read", _wanted(role))
 
 
 def _text(table: SensorTable, data: bytes) -> Stranger | None:
@@ -185,7 +185,7 @@ def _text(table: SensorTable, data: bytes) -> Stranger | None:
     if count < LEAST_LINES or count < seen.sentences.total() + seen.unchecked.total() + 9 * seen.damaged:
         return None
     name, _ = seen.formats.most_common(1)[0]
-    what = f"{name} comes that no driver reads, like '{shown(seen.example)}'"
+    what = f"what comes is {name} that no driver reads, like '{shown(seen.example)}'"
     return Stranger(what, cure_of(name) or _wanted(table.role))
 
 
@@ -196,7 +196,7 @@ def _no_text(table: SensorTable, data: bytes) -> Stranger | None:
     mark = unknown_mark(data)
     if mark is None:
         return NOISE
-    what = f"packets of a binary protocol that is not known here come, each with {mark.hex(' ')} before it"
+    what = f"what comes is packets of a binary protocol that is not known here, each with {mark.hex(' ')} before it"
     return Stranger(what, _wanted(table.role))
 
 
@@ -206,7 +206,9 @@ def _seven_bits(data: bytes) -> Stranger | None:
     sound = sum(not isinstance(check_sentence(line), str) and line not in data for line in lines)
     if sound < LEAST_LINES:
         return None
-    return Stranger("sentences with 7 bits and parity come", "set the device to 8 bits, no parity, 1 stop bit (8N1)")
+    return Stranger(
+        "what comes is sentences with 7 bits and parity", "set the device to 8 bits, no parity, 1 stop bit (8N1)"
+    )
 
 
 def _wanted(role: str) -> str:

@@ -62,6 +62,8 @@ def instead_of_its_lines(came: Instead) -> Why:
         return Why(f"{came.size} bytes came, {what}")
     if came.size < SHORTEST_SILENT_BYTES and not bad and not came.readable:
         return Why(f"{came.size} bytes came, no whole line yet")
+    if not bad and not came.readable:
+        return Why(f"{came.size} bytes came, no whole line in them")
     if not came.readable and 2 * bad["not-ascii"] >= bad.total():
         return Why(f"{came.size} bytes came, {NOISE.what}")
     if bad and bad["no-checksum"] == bad.total():

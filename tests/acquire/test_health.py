@@ -196,7 +196,7 @@ def test_the_first_bytes_of_a_line_accuse_nobody() -> None:
     watched.wire.heard_bytes += 1
     assert watched.state(NS_PER_S)[1] == "1 bytes came, no whole line yet"
     watched.wire.heard_bytes += 600
-    assert watched.state(NS_PER_S)[1] == "601 bytes came, none readable: wrong baud rate?"
+    assert watched.state(NS_PER_S)[1] == "601 bytes came, no whole line in them"
 
 
 def damage_events(shares: list[tuple[int, int]]) -> list[str]:

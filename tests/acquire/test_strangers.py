@@ -65,7 +65,7 @@ RIGHT = {
     "ggk": "PTNL,GGK of Trimble", "nocs": "checksum", "rmconly": "", "ydraw": "NMEA 2000 raw", "ngt": "NGT-1",
     "mavgps": "MAVLink", "ths": "THS", "pashr": "PASHR", "avr": "PTNL,AVR of Trimble", "uniheading": "#UNIHEADINGA",
     "hdtnocs": "checksum", "hdtM": "checksum", "pfec": "PFEC,GPatt of Furuno", "wit": "WitMotion",
-    "vn": "VNYMR of VectorNav", "xsens": "Xsens", "mip": "MIP", "bno": "text comes that no driver reads",
+    "vn": "VNYMR of VectorNav", "xsens": "Xsens", "mip": "MIP", "bno": "what comes is text that no driver reads",
     "rvc": "BNO08x RVC", "mavimu": "MAVLink", "airmar": "", "furuno": "", "daisy": "", "mayara": "", "ttmsp": "",
 }  # fmt: skip
 """Stream of the case -> what has to be said of it; "" = every sensor of the port delivers."""
@@ -180,7 +180,7 @@ def test_packets_of_an_unknown_protocol_are_noticed_by_their_length_or_checksum(
     for data in (counted, summed):
         found = stranger(table, data, [])
         assert found is not None
-        assert "that is not known here come, each with c3 5a before it" in found.what
+        assert "that is not known here, each with c3 5a before it" in found.what
     spoiled = b"".join(b"\xc3\x5a" + chance.randbytes(21) for _ in range(30))
     assert stranger(table, spoiled, []) is NOISE
 

@@ -1,5 +1,5 @@
 from common.boat_status import status_lines
-from common.visible_lines import VisibleLines, shown, visible
+from common.visible_lines import VisibleLines, is_text, shown, visible
 
 
 def test_the_status_is_a_table_with_state_rate_age_and_reason() -> None:
@@ -33,6 +33,11 @@ def test_lines_are_shown_as_they_end_and_control_characters_by_their_number() ->
     printer.feed(b"no end")
     printer.feed(b"")
     assert lines[2:] == ["no end"]
+
+
+def test_a_degree_sign_is_text() -> None:
+    assert is_text(b"84.4\xb0 -1.2\xb0 0.8\xc2\xb0")
+    assert not is_text(b"\xb0\xb0 84.4")
 
 
 def test_what_is_no_text_is_shown_in_hexadecimal() -> None:
