@@ -24,7 +24,7 @@ LEAST_FRAMES: Final = 3
 LONGEST_FRAME: Final = 2_100
 
 GNSS: Final = "turn on its NMEA output"
-NO_DRIVER: Final = "no driver reads it (docs/devices.md says what is read)"
+NO_DRIVER: Final = "no driver reads it (docs/devices.md)"
 GATEWAY: Final = "set the gateway to NMEA 0183 output"
 CORRECTIONS: Final = "these are corrections, no positions: connect the receiver's NMEA output"
 NO_TRACKER: Final = "it is no marine radar whose tracker sends TTM"

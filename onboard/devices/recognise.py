@@ -142,6 +142,13 @@ def stranger(table: SensorTable, data: bytes, unclaimed: Sequence[Line]) -> Stra
     )
 
 
+def is_whole(data: bytes) -> bool:
+    """Whether binary packets stand between whole sentences: a device speaks both, and nothing is damaged."""
+    frames, left = frames_in(data[-SAMPLE_BYTES:])
+    seen = text_seen(_lines(left))
+    return bool(frames) and 10 * seen.damaged <= seen.sentences.total()
+
+
 def models_of(role: str) -> str:
     """The models of a role, in words."""
     return ", ".join(model for other, model in MODELS if other == role)
@@ -180,7 +187,7 @@ def _sentences(table: SensorTable, seen: TextSeen) -> Stranger | None:
 
 def _text(table: SensorTable, data: bytes) -> Stranger | None:
     """Clean text of another format. A sensor's own lines, refused for what is in them, are not the question here."""
-    seen = text_seen(data.replace(b"\r", b"\n").split(b"\n")[1:-1])
+    seen = text_seen(_lines(data))
     count = seen.formats.total()
     if count < LEAST_LINES or count < seen.sentences.total() + seen.unchecked.total() + 9 * seen.damaged:
         return None
@@ -200,6 +207,11 @@ def _no_text(table: SensorTable, data: bytes) -> Stranger | None:
     return Stranger(what, _wanted(table.role))
 
 
+def _lines(data: bytes) -> list[bytes]:
+    """The whole lines of a piece of a stream."""
+    return data.replace(b"\r", b"\n").split(b"\n")[1:-1]
+
+
 def _seven_bits(data: bytes) -> Stranger | None:
     """Sentences sent with seven bits and parity: the eighth bit of about half the bytes is set."""
     lines = bytes(byte & 0x7F for byte in data).replace(b"\r", b"\n").split(b"\n")
@@ -212,4 +224,4 @@ def _seven_bits(data: bytes) -> Stranger | None:
 
 
 def _wanted(role: str) -> str:
-    return WANTED.get(role) or f"{NO_DRIVER}; for {role} these models are read: {models_of(role)}"
+    return WANTED.get(role) or f"{NO_DRIVER}; of the role {role} these models are read: {models_of(role)}"

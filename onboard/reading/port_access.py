@@ -96,17 +96,6 @@ def why_absent(path: str, dev: Path = _DEV) -> str:
     return f"no such device; there are {', '.join(there[:_NAMED])}{more}"
 
 
-def by_path_names(path: str, folder: Path = _DEV / "serial" / "by-path") -> tuple[str | None, list[str]]:
-    """The by-path name of the device of this path, `None` = it has none, and those of the other devices."""
-    own, others = None, []
-    for link in sorted(folder.glob("*")):
-        if os.path.realpath(link) == os.path.realpath(path):
-            own = own or str(link)
-        else:
-            others.append(str(link))
-    return own, others
-
-
 def _listed(found: Iterable[Holder]) -> str:
     return " and ".join(map(str, found))
 

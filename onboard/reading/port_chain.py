@@ -18,7 +18,7 @@ from common.messages import Event
 from common.units import NS_PER_S
 from onboard.devices import PortDecoder, make_driver
 from onboard.devices.driver import COMPANIONS, Accepted, Ignored, Outcome, Rejected
-from onboard.devices.recognise import Stranger, stranger
+from onboard.devices.recognise import Stranger, is_whole, stranger
 from onboard.reading.byte_budget import ByteBudget
 from onboard.reading.line_quality import DamageWatch, Wire
 from onboard.reading.line_splitter import LineSplitter
@@ -156,7 +156,9 @@ class PortChain:
         self.wire.damaged += self.splitter.overflows - self._overflows
         self._overflows = self.splitter.overflows
         found = self._damage.look(now_ns)
-        if found is not None:
+        if found is not None and found[0] == "lines-damaged" and is_whole(self.recent.newest()):
+            self._damage.reset()
+        elif found is not None:
             code, damaged, lines = found
             self._tell(code, now_ns, damaged=damaged, lines=lines)
 

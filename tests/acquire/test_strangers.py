@@ -17,7 +17,7 @@ from onboard.devices.foreign_text import format_of, name_of
 from onboard.devices.framings import frames_in
 from onboard.devices.recognise import NOISE, stranger
 from onboard.reading.acquisition import Acquisition
-from tests.acquire.sentences import sealed
+from tests.acquire.sentences import GGA, RMC, sealed
 from tests.acquire.uart import heard_at
 from tests.cases import CASES, needs_cases
 
@@ -191,3 +191,68 @@ def test_seven_bits_with_parity_are_told_apart_from_a_wrong_speed() -> None:
     port, sensor = PortTable(name="p", path="/dev/none"), SensorTable(id="compass1", port="p", role="compass")
     why = heard(port, [sensor], [(n / 10, even) for n in range(40)])["compass1"]
     assert re.search(r"7 bits and parity.*8N1", why)
+
+
+def test_an_ais_receiver_whose_port_brings_another_device_is_told_once() -> None:
+    told: list[str] = []
+    config = BoatConfig(
+        boat=BoatTable(id="b"),
+        port=(PortTable(name="p", path="/dev/none"),),
+        sensor=(SensorTable(id="ais1", port="p", role="ais"),),
+    )
+    acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda item: told.append(item.text))
+    (chain,) = acquisition.chains
+    chain.changed(None, 0)
+    for second in range(1, 60):
+        chain.chunk(GGA + b"\r\n" + RMC + b"\r\n", second * NS_PER_S)
+        chain.flush(second * NS_PER_S)
+        acquisition.frame(second * NS_PER_S + 1000)
+    silent = "ais1 is silent for 31 s: lines like those of gps nmea come; configured: ais nmea"
+    assert told[1:] == [silent]
+    assert acquisition.monitors["ais1"].state(60 * NS_PER_S)[0] == "silent"
+    chain.chunk(b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A\r\n", 60 * NS_PER_S)
+    acquisition.frame(60 * NS_PER_S + 1000)
+    assert told[2:] == ["ais1 delivers"]
+
+
+def test_a_radar_whose_lines_are_all_refused_is_told_and_one_that_hears_nothing_is_not() -> None:
+    told: list[str] = []
+    config = BoatConfig(
+        boat=BoatTable(id="b"),
+        port=(PortTable(name="p", path="/dev/none"), PortTable(name="q", path="/dev/none2")),
+        sensor=(SensorTable(id="radar1", port="p", role="radar"), SensorTable(id="radar2", port="q", role="radar")),
+    )
+    acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda item: told.append(item.text))
+    for chain in acquisition.chains:
+        chain.changed(None, 0)
+    for second in range(1, 20):
+        acquisition.chains[0].chunk(sealed("RATTM,x,1,2,T,3,4,T,1,5,N,x,T,,,") + b"\r\n", second * NS_PER_S)
+        for chain in acquisition.chains:
+            chain.flush(second * NS_PER_S)
+        acquisition.frame(second * NS_PER_S + 1000)
+    assert [text for text in told if "radar" in text] == [
+        "radar1 is silent for 10 s: 10 bad lines came, no good one: not-a-number 10"
+    ]
+
+
+@pytest.mark.parametrize("name", ["RTCM 3 corrections", "SkyTraq binary", "u-blox UBX"])
+def test_packets_between_the_sentences_of_a_receiver_are_no_damage(name: str) -> None:
+    told: list[str] = []
+    port, sensor = PortTable(name="p", path="/dev/none"), SensorTable(id="gps1", port="p", role="gps")
+    config = BoatConfig(boat=BoatTable(id="b"), port=(port,), sensor=(sensor,))
+    acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda item: told.append(item.code))
+    (chain,) = acquisition.chains
+    chain.changed(None, 0)
+    packet = bytes.fromhex(KNOWN[name])
+    burst = 2 * (packet + b"\n") + GGA + b"\r\n" + 2 * (packet + b"\n") + RMC + b"\r\n" + packet
+    for second in range(1, 40):
+        chain.chunk(burst, second * NS_PER_S)
+        chain.flush(second * NS_PER_S)
+        acquisition.frame(second * NS_PER_S + 1000)
+    assert "lines-damaged" not in told
+    assert acquisition.monitors["gps1"].state(40 * NS_PER_S) == ("delivering", None)
+    for second in range(40, 80):  # another program takes bytes out of the sentences
+        chain.chunk(burst.replace(b"S,", b"", 1).replace(b"1.1", b"", 1), second * NS_PER_S)
+        chain.flush(second * NS_PER_S)
+        acquisition.frame(second * NS_PER_S + 1000)
+    assert "lines-damaged" in told or "sensor-silent" in told

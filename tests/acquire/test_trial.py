@@ -16,7 +16,7 @@ import pytest
 
 from common.boat_config import BoatConfig
 from common.settings import read_toml
-from onboard.config import load
+from onboard.config import _twice, load
 from onboard.plausible import doubts
 from onboard.reading.port_access import holders_of, owner_of, why_absent, why_busy, why_denied
 from onboard.reading.trial import PortHeard, heard
@@ -140,3 +140,17 @@ def test_listen_shows_the_lines_as_they_come_and_names_them(terminals: list[tupl
             listening.wait()
     assert set(shown.read_text(encoding="ascii").splitlines()) == {"$HCHDG,101.1,,,,*43", "\\x07ping"}
     assert said.read_text(encoding="ascii") == "read as compass nmea\n"
+
+
+def test_two_adapters_alike_are_told_by_their_place(tmp_path: Path) -> None:
+    by_id, by_path = tmp_path / "by-id", tmp_path / "by-path"
+    for folder in (by_id, by_path):
+        folder.mkdir()
+    for number in (0, 1):
+        (tmp_path / f"ttyUSB{number}").touch()
+        (by_path / f"usb-1.{number}").symlink_to(tmp_path / f"ttyUSB{number}")
+    (by_id / "usb-adapter").symlink_to(tmp_path / "ttyUSB1")
+    device = str(tmp_path / "ttyUSB1")
+    told = _twice(device, [str(by_id / "usb-adapter")] * 2, by_path)
+    assert told.endswith(f"give each by its by-path name: {by_path}/usb-1.0, {by_path}/usb-1.1")
+    assert "by-path" not in _twice(device, [device, device], by_path).replace(str(by_path), "")
