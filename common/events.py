@@ -344,11 +344,13 @@ NOTHING_TO_DO: Final = "nothing to do"
 
 
 def line_of(happening: Event) -> str:
-    """An event as one line for a person: the text, and the cure where there is something to do."""
+    """An event as one line for a person: the text, and the cure where there is something to do.
+
+    Evidence named `cure` wins over the table: where the cause is known, what to do is known better.
+    """
     kind = EVENTS.get(happening.code)
-    if kind is None or kind.cure == NOTHING_TO_DO:
-        return happening.text
-    return f"{happening.text}; {kind.cure}"
+    cure = happening.evidence.get("cure") or (NOTHING_TO_DO if kind is None else kind.cure)
+    return happening.text if cure == NOTHING_TO_DO else f"{happening.text}; {cure}"
 
 
 def is_of_station(code: str) -> bool:

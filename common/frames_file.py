@@ -39,12 +39,18 @@ def is_frames_file(path: Path) -> bool:
 def write_frames_file(path: Path, greeting: dict[str, Any], frames: Iterable[bytes]) -> int:
     """Write a greeting (fields of `connected`) and encoded frames; how many frames there were.
 
-    The file appears under its name when it is whole; whatever had that name is replaced then. Raises OSError and
-    whatever `frames` raises; nothing is left behind in that case.
+    The file appears under its name when it is whole; whatever had that name is replaced then. Raises OSError,
+    WayfixError for a greeting that no reader takes, and whatever `frames` raises; nothing is left behind in that case.
     """
+    head = session.pack("connected", schema=SCHEMA_VERSION, **greeting)
+    if len(head) > session.MAX_GREETING_BYTES:
+        fault = (
+            f"the boat's configuration takes {len(head)} bytes, more than the {session.MAX_GREETING_BYTES} of a file"
+        )
+        raise WayfixError(fault, str(path), "describe fewer sensors in one file")
     count = 0
     with whole_file(path) as stream:
-        stream.write(session.pack("connected", schema=SCHEMA_VERSION, **greeting))
+        stream.write(head)
         for frame in frames:
             stream.write(frame)
             count += 1
@@ -122,7 +128,7 @@ class FramesFile:
         if data is None:
             raise CodecError("is cut in its greeting", str(self.path), _CURE)
         try:
-            greeting = session.unpack(data)
+            greeting = session.unpack(data, session.MAX_GREETING_BYTES)
         except CodecError as error:
             raise CodecError(f"has no greeting ({error})", str(self.path), _CURE) from error
         fault = schema_fault(greeting.get("schema"))

@@ -32,6 +32,8 @@ from common.untrusted_msgpack import unpack_untrusted
 
 MAX_HEADER_BYTES: Final = 16_384
 """Most bytes of a message to the board."""
+MAX_GREETING_BYTES: Final = 262_144
+"""Most bytes of `connected`: some five hundred sensors. Writers of files check it as readers do."""
 MAX_RUN_FRAMES: Final = 10_000_000
 MIN_PERIOD_S: Final = 0.05
 MAX_PERIOD_S: Final = 60.0

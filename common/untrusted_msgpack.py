@@ -14,14 +14,16 @@ MAX_DEPTH: Final = 6
 MAX_ENTRIES: Final = 1024
 """Most entries of one list or map."""
 MAX_TEXT_BYTES: Final = 4096
+"""Most bytes of one text; of a message that may be longer than 16 kB a quarter of its limit."""
 
 
 def unpack_untrusted(data: bytes, limit: int) -> Any:
     """The value in at most so many bytes; raises CodecError for whatever is not MessagePack of a modest shape."""
     if len(data) > limit:
         raise CodecError(f"message of {len(data)} bytes is over the limit of {limit}")
+    longest = max(MAX_TEXT_BYTES, limit // 4)
     unpacker = msgpack.Unpacker(
-        max_buffer_size=limit, raw=False, max_str_len=MAX_TEXT_BYTES, max_bin_len=MAX_TEXT_BYTES, max_ext_len=0
+        max_buffer_size=limit, raw=False, max_str_len=longest, max_bin_len=longest, max_ext_len=0
     )
     try:
         unpacker.feed(data)

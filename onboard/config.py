@@ -20,6 +20,8 @@ _NOMINAL_BYTES = {"gps": 500, "imu": 160, "gyro": 40, "compass": 80, "ais": 4000
 WHOLE_RATES_HZ: Final = (1, 2, 4, 5, 8, 10, 16, 20)
 """Frame rates (Hz) whose period is a whole number of microseconds and divides the second."""
 
+_BY_PATH: Final = Path("/dev/serial/by-path")
+_MOST_NAMES: Final = 8
 _BUDGET_FACTOR = 4
 _LEAST_BUDGET_BYTES_S = 2000
 
@@ -62,7 +64,7 @@ def _faults(config: BoatConfig) -> list[str]:
     if (fault := bind_fault(config.link.bind)) is not None:
         faults.append(f"link.bind: {fault}")
     faults += [f"[[port]] {name}: name given twice" for name in _repeated(ports)]
-    faults += [f"[[port]]: path {path} given twice, put its sensors on one port" for path in _repeated(paths)]
+    faults += [_twice(path, [port.path for port in config.port]) for path in _repeated(paths)]
     faults += [f"[[sensor]] {name}: id given twice" for name in _repeated(ids)]
     for sensor in config.sensor:
         faults += _sensor_faults(sensor, ports)
@@ -104,6 +106,15 @@ def bind_fault(endpoint: str) -> str | None:
         return f"must be tcp://ADDRESS:PORT (* = all), got {endpoint}"
     port = match["port"] or "*"
     return None if port == "*" or int(port) < 2**16 else f"there is no port above 65535, got {endpoint}"
+
+
+def _twice(path: str, given: list[str], by_path: Path = _BY_PATH) -> str:
+    """One device given for two ports: by mistake, or because two adapters alike have one by-id name between them."""
+    fault = f"[[port]]: path {path} given twice, put its sensors on one port"
+    names = sorted(map(str, by_path.glob("*")))
+    if not names or not any("/by-id/" in name for name in given if os.path.realpath(name) == path):
+        return fault
+    return f"{fault}; if these are two adapters alike, give each by its by-path name: {', '.join(names[:_MOST_NAMES])}"
 
 
 def _repeated(names: list[str]) -> list[str]:

@@ -108,7 +108,8 @@ class Daemon:
         about = {"config": as_dict(config), "versions": versions()}
         self.spool = Spool(spool_dir, identity, config.spool, self._journal, about=about)
         reopen = {sensor: port.reopen for port in self.ports for sensor in port.chain.monitors}
-        self._commands = Commands(self._status, reopen, self._journal)
+        recent = {sensor: chain.recent.since for chain in self.acquisition.chains for sensor in chain.monitors}
+        self._commands = Commands(self._status, reopen, recent, self._journal)
         self._context = zmq.Context()
         self._access = Access(self._context, allow_list, self._journal)
         self.server = Server(
@@ -256,7 +257,7 @@ class Daemon:
     def _status(self) -> dict[str, Any]:
         """The answer to the command `status`."""
         now_ns = self.clock.now_ns()
-        sensors = {name: monitor.state(now_ns)[0] for name, monitor in self.acquisition.monitors.items()}
+        sensors = {name: monitor.status(now_ns) for name, monitor in self.acquisition.monitors.items()}
         identity = self.acquisition.identity
         return {
             "boat_id": identity.boat_id,

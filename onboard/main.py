@@ -19,7 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     """Every command brings its own arguments; what is heavy it imports when it is run."""
-    from onboard import check, run
+    from onboard import check, listen, run
     from onboard.control import command as control
     from onboard.recorded import command as convert
     from onboard.spool import command as spool
@@ -29,6 +29,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("-v", "--verbose", action="store_true", help="log details too")
     parser.add_argument("--version", action="version", version=f"wayfix {version('wayfix')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for module in (run, check, convert, virtual, control, spool):
+    for module in (run, check, listen, convert, virtual, control, spool):
         module.add_arguments(commands)
     return parser

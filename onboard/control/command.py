@@ -1,19 +1,25 @@
-"""`wayfix-onboard pair|keys|revoke|status|reload|reopen|mark`: the command-line client of the running daemon."""
+"""`wayfix-onboard pair|keys|revoke|status|raw|reload|reopen|mark`: the command-line client of the running daemon."""
 
 import argparse
 import json
 import os
 import signal
 import sys
+import time
+from base64 import b64decode
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from common.command import flat, number
+from common.boat_status import status_lines
+from common.command import number
+from common.visible_lines import VisibleLines
 from common.words import counted
 from onboard.control.socket import ask, asked, runtime_of
 
 ANSWER_S = 15.0
+RAW_S = 0.5
+"""Time between two looks at a port, s."""
 
 
 def add_arguments(commands: Any) -> None:
@@ -25,7 +31,9 @@ def add_arguments(commands: Any) -> None:
     _add(commands, "keys", "the stations that may connect", _keys)
     revoke = _add(commands, "revoke", "a station may not connect any more", _revoke)
     revoke.add_argument("name", metavar="NAME|KEY", help="as `keys` shows it")
-    _add(commands, "status", "how the running daemon is", _status)
+    _add(commands, "status", "how the running daemon and its sensors are", _status)
+    raw = _add(commands, "raw", "show what comes on a sensor's port", _raw)
+    raw.add_argument("sensor", help="its id, like gps1")
     _add(commands, "reload", "read the allow list again", _reload)
     reopen = _add(commands, "reopen", "open a sensor's port anew", _reopen)
     reopen.add_argument("sensor", help="its id, like gps1")
@@ -88,12 +96,22 @@ def _revoke(arguments: argparse.Namespace) -> int:
 
 
 def _status(arguments: argparse.Namespace) -> int:
-    """How the running daemon is: sensors, clients, spool."""
+    """How the running daemon is: a table of the sensors with reason, rate and age; clients, spool."""
     told = _ask(arguments, "status")
-    for name, value in flat(told):
-        _tell(f"{name}: {value}")
+    for line in status_lines(told):
+        _tell(line)
     _finish(arguments, told)
     return 0
+
+
+def _raw(arguments: argparse.Namespace) -> int:
+    """Show the lines of a sensor's port as the daemon reads them, control characters made visible, until Ctrl-C."""
+    lines, place = VisibleLines(_tell), ""
+    while True:
+        told = _ask(arguments, "raw", sensor=arguments.sensor, place=place)
+        place = str(told["place"])
+        lines.feed(b64decode(told["data"]))
+        time.sleep(RAW_S)
 
 
 def _reload(arguments: argparse.Namespace) -> int:

@@ -8,11 +8,12 @@ from typing import Final
 
 from common.framer import Measurement
 from onboard.devices.driver import Driver, Ignored, Line, Outcome, Rejected
-from onboard.devices.nmea_sentence import address, check_sentence, sentence_of
+from onboard.devices.foreign_text import name_of
+from onboard.devices.nmea_sentence import check_sentence, sentence_of
 
 log = logging.getLogger(__name__)
 
-KEPT: Final = 12
+KEPT: Final = 24
 """Number of unclaimed lines that are kept to find out which device sends them."""
 
 _PRINTABLE = re.compile(rb"[\t -~]*")
@@ -59,7 +60,7 @@ class PortDecoder:
 
 
 def _unclaimed(data: bytes) -> Outcome:
-    """Ignored with a kind from a small set (counters are kept by it), or rejected for no sensor."""
+    """Ignored with the sentence's name or `text`, or rejected for no sensor."""
     data = sentence_of(data)
     if not _PRINTABLE.fullmatch(data):
         return Rejected("not-ascii")
@@ -69,6 +70,6 @@ def _unclaimed(data: bytes) -> Outcome:
     sentence = check_sentence(data)
     if isinstance(sentence, str):
         # SiRF and other receivers print their banner as proprietary sentences without checksum.
-        return Ignored("proprietary") if data.startswith(b"$P") and sentence == "no-checksum" else Rejected(sentence)
-    found = address(data)
-    return Ignored("proprietary" if found is None else found[1])
+        is_banner = data.startswith(b"$P") and sentence == "no-checksum"
+        return Ignored(name_of(data) or "proprietary") if is_banner else Rejected(sentence)
+    return Ignored(name_of(data) or "proprietary")

@@ -39,6 +39,8 @@ NEWS_PER_S: Final = 2.0
 COMMANDS_AT_ONCE: Final = 10
 COMMANDS_PER_S: Final = 2.0
 """Rate limit of the commands of one key, a second."""
+READING_COMMANDS: Final = ("status", "raw")
+"""Commands that change nothing: the right to read is enough."""
 NOT_LISTED: Final = "this station's key is not on the board's list"
 CURE_PAIR: Final = "pair again: wayfix-onboard pair on the board, then wayfix pair ashore"
 
@@ -293,7 +295,8 @@ class Server:
         name, argument = _printable(message.get("name")), message.get("argument") or ""
         if not isinstance(argument, str):
             raise CodecError("argument must be a text")
-        if self._command is None or "command" not in (self._rights(key) or ()):
+        needed = "read" if name in READING_COMMANDS else "command"
+        if self._command is None or needed not in (self._rights(key) or ()):
             cure = "pair again with the right: wayfix-onboard pair --command"
             self._reply(routing_id, "error", what="this station's key may read, not command", cure=cure, **request)
             who = "anybody" if key is None else fingerprint(key)

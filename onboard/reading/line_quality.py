@@ -34,10 +34,8 @@ class Wire:
 class DamageWatch:
     """Says when more than one line in five of a port comes damaged, and when that is over (hysteresis)."""
 
-    def __init__(self, wire: Wire, periodic: bool) -> None:
-        """periodic: the sensors of the port would report its silence."""
+    def __init__(self, wire: Wire) -> None:
         self._wire = wire
-        self._periodic = periodic
         self._marks: deque[tuple[int, int, int]] = deque()
         self._since: tuple[int, int, int] | None = None
         """Mark from which the damage has to last to be reported: time (ns), readable and damaged lines until then."""
@@ -71,14 +69,14 @@ class DamageWatch:
             return None
         if self._since is None:
             # Where no good line comes at all the silence is reported; it is no damage of the lines after it.
-            self._since = self._marks[-1] if has_more or not self._periodic else None
+            self._since = self._marks[-1] if has_more else None
             return None
         since_ns, readable_then, damaged_then = self._since
         if now_ns - since_ns < CONFIRM_NS:
             return None
         self._since = None
         more, more_bad = wire.readable - readable_then, wire.damaged - damaged_then
-        if (self._periodic and more == 0) or more_bad <= BAD_SHARE * (more + more_bad):
+        if more == 0 or more_bad <= BAD_SHARE * (more + more_bad):
             return None
         self._told, wire.damage = True, _share(bad, count)
         return "lines-damaged", bad, count

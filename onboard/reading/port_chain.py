@@ -16,19 +16,24 @@ from common.events import event
 from common.framer import Measurement
 from common.messages import Event
 from common.units import NS_PER_S
-from onboard.devices import PortDecoder, make_driver, recognised
+from onboard.devices import PortDecoder, make_driver
 from onboard.devices.driver import COMPANIONS, Accepted, Ignored, Outcome, Rejected
 from onboard.devices.nmea_fields import ZERO_POSITION
-from onboard.devices.nmea_sentence import address
+from onboard.devices.recognise import Stranger, is_whole, stranger
 from onboard.reading.byte_budget import ByteBudget
 from onboard.reading.line_quality import DamageWatch, Wire
 from onboard.reading.line_splitter import LineSplitter
+from onboard.reading.recent_bytes import RecentBytes
 from onboard.reading.sensor_health import SensorMonitor
 
 DAMAGE: Final = frozenset(
     {"checksum", "not-ascii", "not-nmea", "no-checksum", "run-together", "too-long", "marks", "duplicate", "form"}
 )
 """Reasons of rejection that blame the wire; the others blame the device."""
+
+
+MOST_KINDS: Final = 64
+"""Most kinds of ignored lines that are counted apart: a device may send any name."""
 
 
 @dataclass(slots=True)
@@ -50,7 +55,8 @@ class Tally:
             case Rejected():
                 self.rejected[outcome.reason] += 1
             case Ignored():
-                self.ignored[outcome.kind] += 1
+                is_known = outcome.kind in self.ignored or len(self.ignored) < MOST_KINDS
+                self.ignored[outcome.kind if is_known else "others"] += 1
 
     @property
     def lines(self) -> int:
@@ -83,10 +89,11 @@ class PortChain:
         self.decoder = PortDecoder([make_driver(monitor.table) for monitor in self.monitors.values()])
         self.splitter = LineSplitter()
         self.tally = Tally()
+        self.recent = RecentBytes()
         self._sink = sink
         self._overflows = 0
         self._budget = budget
-        self._damage = DamageWatch(wire, periodic=any(monitor.periodic for monitor in self.monitors.values()))
+        self._damage = DamageWatch(wire)
         self._flood_ns: int | None = None
         self._told_zero: set[str] = set()
         """Sensors of which it is said that they give the place 0, 0."""
@@ -95,6 +102,7 @@ class PortChain:
     def chunk(self, data: bytes, t_ns: int) -> None:
         """Take bytes as read, stamped once."""
         self.wire.heard_bytes += len(data)
+        self.recent.add(data)
         allowed = self._budget.take(len(data), t_ns)
         for line in self.splitter.feed(data[:allowed], t_ns):
             self._dispose(self.decoder.feed(line), t_ns)
@@ -113,12 +121,18 @@ class PortChain:
         self._tell_damage(now_ns)
         for monitor in self.monitors.values():
             if monitor.wants_hint(now_ns):
-                monitor.hint = self._whose_lines(monitor)
+                monitor.hint = self.stranger(monitor)
+
+    def stranger(self, monitor: SensorMonitor) -> Stranger | None:
+        """What has come since this sensor's last good line: another device, or another model of it."""
+        newest = self.recent.newest()
+        return stranger(monitor.table, newest[max(0, len(newest) - monitor.unread_bytes) :], self.decoder.unclaimed)
 
     def changed(self, reason: str | None, now_ns: int) -> None:
         """The port opened (None) or was lost. One event for each loss and each return, whatever is tried in between."""
         self._damage.reset()
         self.decoder.unclaimed.clear()
+        self.recent.clear()
         if reason is None:
             self.splitter.reset()
             self._tell("port-opened", now_ns, path=self.table.path)
@@ -145,21 +159,11 @@ class PortChain:
         self.wire.damaged += self.splitter.overflows - self._overflows
         self._overflows = self.splitter.overflows
         found = self._damage.look(now_ns)
-        if found is not None:
+        if found is not None and found[0] == "lines-damaged" and is_whole(self.recent.newest()):
+            self._damage.reset()
+        elif found is not None:
             code, damaged, lines = found
             self._tell(code, now_ns, damaged=damaged, lines=lines)
-
-    def _whose_lines(self, monitor: SensorMonitor) -> str | None:
-        """A sensor came back as another model, or the plugs were swapped: say so."""
-        found = recognised(self.decoder.unclaimed)
-        if found is None:
-            return None
-        table = monitor.table
-        if found == (table.role, table.model):
-            addresses = {address(line.data) for line in self.decoder.unclaimed}
-            talkers = ", ".join(sorted({where[0] for where in addresses if where is not None})[:4])
-            return f"its lines come from talker {talkers}; configured: {', '.join(table.talkers) or 'all'}"
-        return f"lines like those of {' '.join(found)} come; configured: {table.role} {table.model}"
 
     def _dispose(self, outcome: Outcome, t_ns: int) -> None:
         self.tally.count(outcome)

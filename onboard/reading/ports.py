@@ -23,6 +23,7 @@ import serial
 
 from common.boat_config import PortTable
 from common.clock import BoatClock
+from onboard.reading.port_access import why_absent, why_busy, why_denied
 
 log = logging.getLogger(__name__)
 
@@ -33,8 +34,8 @@ LAST_BACK_OFF_S: Final = 2.0
 
 _REASONS: Final = {
     errno.ENOENT: "no such device",
-    errno.EACCES: "permission denied; add the user to the group dialout",
-    errno.EPERM: "permission denied; add the user to the group dialout",
+    errno.EACCES: "permission denied",
+    errno.EPERM: "permission denied",
     errno.EBUSY: "busy; another program holds it",
     errno.EAGAIN: "busy; another program holds it",
     errno.EIO: "the device is gone",
@@ -50,6 +51,16 @@ def reason_of(error: BaseException) -> str:
     if number in _REASONS:
         return _REASONS[number]
     return os.strerror(number) if number else str(error)
+
+
+def reason_at(path: str, error: BaseException) -> str:
+    """Words for a failed open of this path, with its cause and what to do. It looks through /proc: not for the loop."""
+    number = _number(error) or _number(error.__context__)
+    if number in (errno.EACCES, errno.EPERM):
+        return why_denied(path, number)
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return why_busy(path)
+    return why_absent(path) if number == errno.ENOENT else reason_of(error)
 
 
 def _number(error: BaseException | None) -> int | None:
@@ -78,6 +89,16 @@ def _share(device: Any, *, alone: bool) -> None:
 
 
 OPEN_ERRORS: Final = (OSError, ValueError, termios.error)  # SerialException is an OSError
+
+
+def read_serial(device: Any) -> bytes | None:
+    """What an open port has, may be nothing; `None` = the device is gone. Raises OSError."""
+    try:
+        data = os.read(device.fileno(), READ_BYTES)
+    except BlockingIOError:
+        return b""
+    # pyserial sets VMIN = 0: a second reader that was faster leaves an empty read too, which is no loss.
+    return None if not data and _hung_up(device.fileno()) else data
 
 
 class Port:
@@ -140,7 +161,7 @@ class Port:
                 self._set_reason(f"opening takes longer than {OPEN_DEADLINE_S:g} s")
                 return False
             self._opening = None
-            self._set_reason(reason_of(error))
+            self._set_reason(await _in_thread(partial(reason_at, self.table.path, error)))
             return False
         self._opening = None
         self._lost.clear()
@@ -150,18 +171,14 @@ class Port:
 
     def _readable(self) -> None:
         try:
-            data = os.read(self._device.fileno(), READ_BYTES)
-        except BlockingIOError:
-            return
+            data = read_serial(self._device)
         except OSError as error:
             self._fail(reason_of(error))
             return
-        if not data:
-            # pyserial sets VMIN = 0: a second reader that was faster leaves an empty read too, which is no loss.
-            if _hung_up(self._device.fileno()):
-                self._fail("the device is gone")
-            return
-        self._on_chunk(data, self._clock.now_ns())
+        if data is None:
+            self._fail("the device is gone")
+        elif data:
+            self._on_chunk(data, self._clock.now_ns())
 
     def _fail(self, reason: str) -> None:
         self._stop_reading()

@@ -18,8 +18,8 @@ but what came before says nothing of what is plugged in now: DELIVERING becomes 
 
 Every step is a row of `TABLE`; a pair that has no row changes nothing. Two rules are in the code: how a look becomes
 one of its three inputs (`_input`), and that an event sensor (AIS, radar) is FRESH while its port is open, and says
-nothing. A new state changes the picture, `State`, `TABLE` and `SHOWN` together, and `SENSOR_STATES` of
-`common.messages` where people see the state by a word of its own.
+nothing, unless it is misread: what comes is nothing that it can use. A new state changes the picture, `State`, `TABLE`
+and `SHOWN` together, and `SENSOR_STATES` of `common.messages` where people see the state by a word of its own.
 """
 
 from enum import Enum, auto
@@ -90,6 +90,8 @@ class Delivery:
         self.stale_ns = stale_ns
         self.last_good_ns: int | None = None
         self.rhythm = Rhythm(stale_ns)
+        self.is_misread = False
+        """True while lines come and an event sensor can use none of them; its monitor sets it."""
         self._periodic = periodic
         self._opened_ns = started_ns
         self.state = State.MISSING
@@ -117,8 +119,9 @@ class Delivery:
 
     def look(self, now_ns: int) -> str | None:
         """One step by the clock: the code of the event that is due with it."""
+        was_silent = self.state is State.OUTAGE
         code = self._step(self._input(now_ns))
-        return code if self._periodic else None
+        return code if self._periodic or was_silent or self.state is State.OUTAGE else None
 
     def state_at(self, now_ns: int) -> State:
         """The state to which a look at `now_ns` would lead; the automaton stays where it is."""
@@ -134,7 +137,7 @@ class Delivery:
 
     def _input(self, now_ns: int) -> Input:
         if not self._periodic:
-            return Input.FRESH
+            return Input.OVERDUE if self.is_misread else Input.FRESH
         last_ns = self.last_good_ns
         if last_ns is not None and last_ns >= self._opened_ns and now_ns - last_ns <= self.stale_ns:
             return Input.FRESH

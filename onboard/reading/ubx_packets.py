@@ -9,6 +9,8 @@ would look like damage. (u-blox, interface description, section UBX frame struct
 import re
 from typing import Final
 
+from onboard.devices.checks import fletcher
+
 LONGEST_PAYLOAD: Final = 4096
 """A longer one is none, bytes: RAWX with 96 signals has 3,088."""
 _SYNC: Final = b"\xb5\x62"
@@ -74,8 +76,5 @@ def _packet_size(data: bytes) -> int | None:
     if len(data) < length + _AROUND:
         # A damaged length must not hold back what follows.
         return 0 if _SENTENCE.search(data) else None
-    first = second = 0
-    for byte in data[2 : _HEADER + length]:
-        first = (first + byte) & 0xFF
-        second = (second + first) & 0xFF
-    return length + _AROUND if data[_HEADER + length : _AROUND + length] == bytes((first, second)) else 0
+    sent = int.from_bytes(data[_HEADER + length : _AROUND + length], "big")
+    return length + _AROUND if fletcher(data[2 : _HEADER + length]) == sent else 0

@@ -47,7 +47,7 @@ def _convert(arguments: argparse.Namespace) -> int:
         return 0
     sys.stdout.write("\n".join(words(summary)) + "\n")
     if not summary["accepted"]:
-        sys.stderr.write("no line was accepted: is this a recording of these sensors?\n")
+        sys.stderr.write(f"no line was accepted: {summary['instead']}\n")
     if arguments.json:
         say_json(**summary)
     return 0 if summary["accepted"] else 1

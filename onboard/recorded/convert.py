@@ -54,6 +54,8 @@ class Summary:
     """Number of lines of more than 512 bytes, which the daemon throws away."""
     t0_ns: int
     t1_ns: int
+    instead: str | None
+    """What there is in place of lines of these sensors, and what to do; `None` = not known, or lines were accepted."""
 
     @property
     def lines(self) -> int:
@@ -128,8 +130,13 @@ class Conversion:
 
     def summary(self) -> Summary:
         """After the last frame: what became of the lines."""
-        tally = self._chain.tally
-        return Summary(tally, self._chain.splitter.overflows, self._t0_ns, self._acquisition.framer.t0_ns)
+        chain = self._chain
+        t1_ns = self._acquisition.framer.t0_ns
+        instead = None
+        if not chain.tally.accepted:
+            monitor, *_ = chain.monitors.values()
+            instead = str(monitor.why_not(t1_ns, chain.stranger(monitor)))
+        return Summary(chain.tally, chain.splitter.overflows, self._t0_ns, t1_ns, instead)
 
     def _dated(self, frame: Frame) -> Frame:
         """The frame with the UTC of the whole recording where the pairs of date and time before it say none."""
@@ -248,6 +255,7 @@ def convert(
         "rejected": dict(sorted(summary.tally.rejected.items())),
         "ignored": dict(sorted(summary.tally.ignored.items())),
         "too_long": summary.too_long,
+        "instead": summary.instead,
         "sensors": [sensor["id"] for sensor in greeting["sensors"]],
         "boot_id": greeting["boot_id"],
     }

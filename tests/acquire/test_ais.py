@@ -105,7 +105,7 @@ def test_a_tag_block_is_checked_and_left_out() -> None:
         (sealed("AISSD,CALL,NAME,1,2,3,4,,AI"), Ignored("SSD")),
         (sealed("AIVSD,36,0,0,,,,0,0,0"), Ignored("VSD")),
         (sealed("AIALR,120000,01,V,V,x"), Ignored("ALR")),
-        (sealed("PFEC,AIcmd,0,35,A"), Ignored("proprietary")),
+        (sealed("PFEC,AIcmd,0,35,A"), Ignored("PFEC,AIcmd")),
         (sealed("AITXT,01,01,70,x")[:-2] + b"00", Rejected("checksum")),
     ],
 )

@@ -135,7 +135,7 @@ def test_what_is_programmed_in_the_device_is_taken_off_its_own_heading(
 
 def test_raw_counts_are_not_claimed() -> None:
     port = PortDecoder([make_driver(compass(model="hmr3000"))])
-    assert port.feed(line(sealed("PTNTRCD,1509,1551,1548,1553,15199"))) == Ignored("proprietary")
+    assert port.feed(line(sealed("PTNTRCD,1509,1551,1548,1553,15199"))) == Ignored("PTNTRCD")
     assert port.feed(line(HPR[:-1] + b"B")) == Rejected("checksum", "compass1")
 
 

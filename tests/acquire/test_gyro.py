@@ -57,7 +57,7 @@ def test_zeroing_is_accepted_without_a_measurement() -> None:
 
 def test_on_a_shared_port_only_its_own_sentence_is_claimed() -> None:
     port = PortDecoder([make_driver(gyro())])
-    assert port.feed(line(sealed("PWFXH,1000,A,1,440"))) == Ignored("proprietary")
+    assert port.feed(line(sealed("PWFXH,1000,A,1,440"))) == Ignored("PWFXH")
     assert port.feed(line(GGA)) == Ignored("GGA")
     assert port.feed(line(sealed("PWFXG,1000,A,1,440")[:-1] + b"x")) == Rejected("no-checksum", "gyro1")
     assert port.feed(line(sealed("PWFXG,1000,A,1,440").replace(b"1000", b"1001"))) == Rejected("checksum", "gyro1")

@@ -196,13 +196,13 @@ def test_the_first_bytes_of_a_line_accuse_nobody() -> None:
     watched.wire.heard_bytes += 1
     assert watched.state(NS_PER_S)[1] == "1 bytes came, no whole line yet"
     watched.wire.heard_bytes += 600
-    assert watched.state(NS_PER_S)[1] == "601 bytes came, none readable: wrong baud rate?"
+    assert watched.state(NS_PER_S)[1] == "601 bytes came, no whole line in them"
 
 
 def damage_events(shares: list[tuple[int, int]]) -> list[str]:
     """Codes told when in each second so many lines come whole and so many damaged."""
     wire = Wire()
-    watch = DamageWatch(wire, periodic=True)
+    watch = DamageWatch(wire)
     codes = []
     for second, (whole, bad) in enumerate(shares):
         wire.readable += whole

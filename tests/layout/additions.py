@@ -186,7 +186,7 @@ from onboard.main import main
 
 async def run():
     journal = Journal(print, lambda: 0)
-    commands = Commands(dict, {"gps1": print, "imu1": print}, journal)
+    commands = Commands(dict, {"gps1": print, "imu1": print}, {}, journal)
     control = Control(Path("."), commands.handlers(), journal)
     serving = asyncio.create_task(control.run())
     await control.tried.wait()

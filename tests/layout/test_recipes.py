@@ -166,7 +166,7 @@ def command_on_board(tree: Tree) -> None:
     tree.new("onboard/recorded/count.py", SUBCOMMAND)
     main = "onboard/main.py"
     tree.after(main, "from onboard.recorded import command as convert", "    from onboard.recorded import count\n")
-    tree.within(main, "in (run, check, convert,", "in (run, check, convert, count,")
+    tree.within(main, "in (run, check, listen, convert,", "in (run, check, listen, convert, count,")
     assert "count the lines" in tree.on_board("--help")
     (tree.root / "recording").write_text("$GP\n$GP\n", encoding="ascii")
     assert tree.on_board("lines", "recording") == "2\n"

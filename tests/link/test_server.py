@@ -262,7 +262,9 @@ def test_a_command_needs_its_right_and_is_answered() -> None:
         bench.rights = frozenset({"read"})
         await client.say("command", id=9, name="mark", argument="buoy")
         assert "may read, not command" in (await client.expect("error"))["what"]
-        assert bench.asked == [("mark", "buoy"), ("sink", "")]
+        await client.say("command", id=10, name="status")  # reading needs no more than the right to read
+        assert "no command status" in (await client.expect("error"))["what"]
+        assert bench.asked == [("mark", "buoy"), ("sink", ""), ("status", "")]
         assert bench.events[-1].code == "command-refused"
 
     on_bench(run)

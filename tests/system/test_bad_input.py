@@ -2,6 +2,7 @@
 
 import os
 import pty
+import re
 import socket
 import subprocess
 import tty
@@ -94,12 +95,16 @@ def test_a_broken_configuration_names_every_key(tmp_path: Path) -> None:
 
 def test_check_names_a_missing_a_busy_and_a_wrong_port(tmp_path: Path, serial_port: str) -> None:
     assert "p (/dev/none): no such device" in refused("wayfix-onboard", "check", write_config(tmp_path))
-    assert command("wayfix-onboard", "check", write_config(tmp_path, serial_port)).returncode == 0
+    config = write_config(tmp_path, serial_port)
+    assert command("wayfix-onboard", "check", config, "--listen", "0").returncode == 0
+    silent = command("wayfix-onboard", "check", config, "--listen", "0.3")
+    assert silent.returncode == 1
+    assert "compass1 does not deliver: nothing received yet" in silent.stdout
     holder = Process("wayfix-onboard", "run", "--open", write_config(tmp_path, serial_port))
     try:
         holder.ready()
-        assert "busy; another program holds it" in refused(
-            "wayfix-onboard", "check", write_config(tmp_path, serial_port)
+        assert re.search(
+            r"busy; wayfix-onboard \(pid \d+\) holds it", refused("wayfix-onboard", "check", config, "--listen", "0")
         )
     finally:
         holder.end()

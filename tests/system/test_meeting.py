@@ -1,6 +1,7 @@
 """A station and a board as a newcomer joins them: pair once, then connect without an address; strangers get nothing."""
 
 import json
+import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -93,6 +94,8 @@ def test_a_station_with_the_right_commands_the_boat_and_one_without_is_refused(t
             unknown = command("wayfix", "boat", "reopen", "gps9", "--keys", commander)
             assert unknown.returncode == 2
             assert "there is no sensor 'gps9'" in unknown.stderr.splitlines()[-1]
+            read = command("wayfix", "boat", "status", "--keys", reader)
+            assert re.search(r"^compass1 +(silent|missing|delivering) ", read.stdout, re.MULTILINE)
             status = command("wayfix", "boat", "status", "--keys", commander, "--json")
             assert json.loads(status.stdout.splitlines()[-1])["boat_id"] == "b"
             # However long the commands took: the run ends when it has seen what they did.
@@ -104,5 +107,5 @@ def test_a_station_with_the_right_commands_the_boat_and_one_without_is_refused(t
     (path,) = (tmp_path / "log").glob("*.mcap")
     codes = [item.code for data in read_log(path).frames() for item in decode_frame(data).events]
     assert [codes.count(code) for code in ("mark", "command-refused")] == [1, 1]
-    assert codes.count("command-done") == 2
+    assert codes.count("command-done") == 3
     assert any("mark: buoy 7 (by bridge)" in line for line in ashore.err)
