@@ -18,6 +18,18 @@ class Account:
     """Number of units that were ignored, by kind: they are well-formed, but a log of the boat does not hold them."""
     rejected: Counter[str] = field(default_factory=Counter)
     """Number of units that were rejected, by reason."""
+    first: dict[str, str] = field(default_factory=dict)
+    """Where each reason was met first: line, column and value, where the reader knows them."""
+
+    def reject(self, reason: str, where: str) -> None:
+        """Count one more that was rejected, and keep the first place of each reason."""
+        self.rejected[reason] += 1
+        self.first.setdefault(reason, where)
+
+    @property
+    def is_mostly_rejected(self) -> bool:
+        """True when more was rejected than taken; what was ignored is well-formed and of no use to a log."""
+        return self.rejected.total() > self.taken.total()
 
     @property
     def total(self) -> int:
@@ -27,7 +39,7 @@ class Account:
     def as_record(self) -> dict[str, Any]:
         """The counts for JSON, sorted, so that the same recording gives the same bytes."""
         groups = {name: dict(sorted(getattr(self, name).items())) for name in ("taken", "ignored", "rejected")}
-        return {"total": self.total, **groups}
+        return {"total": self.total, **groups} | ({"first": dict(sorted(self.first.items()))} if self.first else {})
 
     def words(self) -> Iterator[str]:
         """The counts for a person: a heading and a row for each group."""
@@ -37,6 +49,8 @@ class Account:
             if counts:
                 details = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
                 yield f"  {name:9} {counts.total():>8}   {details}"
+        for reason, where in sorted(self.first.items()):
+            yield f"  first of `{reason}`: {where}"
 
 
 class Rejected(Exception):  # noqa: N818 (a counted result, no fault of the program)
