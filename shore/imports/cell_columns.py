@@ -116,7 +116,7 @@ class PlaceColumns:
             self._beside(fix.lon, fix.east_west, "EW", rows),
         )
         self._scale = named if fix.scale is None else fix.scale
-        lats, lons = self._angles(rows)
+        lats, lons = self._angles(() if fix.lat is None and fix.place is None else rows)
         self._is_packed = fix.packed if fix.packed is not None else fix.scale is None and self._looks_packed(lats, lons)
         if self._is_packed and fix.packed is None:
             self.notes.append("places are read as degrees and minutes (ddmm.mmmm); packed = false says otherwise")

@@ -119,7 +119,7 @@ def _check_alone(arguments: argparse.Namespace, job: Job) -> None:
 
 
 def _one(arguments: argparse.Namespace, job: Job) -> int:
-    """One recording: nothing usable in it is exit code 1."""
+    """One recording: exit code 1 when less than half of it was used."""
     done, written = imported(job, arguments.out)
     _tell_accounts(job)
     summary = {**job.record(), **_made(written, arguments.out if done else None)}
@@ -127,8 +127,11 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
         _tell_log(arguments.out, written, job.options.settings.filter.names)
     else:
         say(f"{job.source}: nothing in it could be used, {arguments.out} was not written")
+    too_little = [words for account in job.accounts if (words := account.too_little()) is not None]
+    for words in too_little:
+        say(f"{job.source}: {words}")
     finish(arguments, summary)
-    return 0 if done else 1
+    return 0 if done and not too_little else 1
 
 
 def _several(arguments: argparse.Namespace, trip: JointImport) -> int:
@@ -157,6 +160,8 @@ def _tell_log(out: Path, written: Written, filters: Sequence[str]) -> None:
     if filters:
         valid = f"position valid in {written.aligned['position']}, heading in {written.aligned['heading']}"
         tell(f"estimates of {', '.join(filters)}: {written.estimates.total()}; {valid}")
+        if (why := written.why_not_aligned()) is not None:
+            say(f"no {'heading' if written.aligned['position'] else 'estimate'} is valid: {why}")
 
 
 def _began(written: Written) -> str | None:
@@ -176,5 +181,6 @@ def _made(written: Written, out: Path | None) -> dict[str, Any]:
         "estimates": dict(written.estimates),
         "aligned": written.aligned["whole"],
         "aligned_parts": {part: written.aligned[part] for part in ("position", "heading")},
+        "why_not_aligned": written.why_not_aligned(),
         "events": dict(sorted(written.events.items())),
     }

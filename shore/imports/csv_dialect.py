@@ -75,9 +75,10 @@ def table_in(head: bytes, shape: TableShape = _NO_SHAPE, wanted: Sequence[str] =
     found = _headless(lines, start, shape.columns, delimiters) if shape.columns else None
     if found is None and not shape.columns:
         places = [place for place in range(start, min(len(lines), start + LAST_TITLE_LINE)) if lines[place].strip()]
+        first = places[0] + 1 if places else 0
         heads = [head for place in places for head in _heads(lines, place, delimiters)]
         found = next((head for head in heads if wanted and set(wanted) <= set(head[0])), None)
-        found = found or next((head for head in heads if _fits(head[0], lines[head[2] :], head[1])), None)
+        found = found or next((head for head in heads if _fits(head, lines, is_first=head[2] == first)), None)
     if found is None:
         return None
     columns, delimiter, first_line = found
@@ -134,18 +135,24 @@ def _heads(lines: Sequence[str], place: int, delimiters: Sequence[str]) -> Itera
             yield (names[0].lstrip("#/% "), *names[1:]), delimiter, place + reader.line_num
 
 
-def _fits(columns: tuple[str, ...], lines: Sequence[str], delimiter: str) -> bool:
-    """True when the rows behind a line have its columns, and it holds names."""
+def _fits(head: tuple[tuple[str, ...], str, int], lines: Sequence[str], *, is_first: bool) -> bool:
+    """True when the rows behind a line have its columns, and it holds names.
+
+    is_first: nothing stands before it. A later head has at least two rows of values behind it: prose has commas too.
+    """
+    columns, delimiter, place = head
     if columns[0].startswith(_COMMENTS) or _are_numbers(columns):
         return False
     try:
-        rows = [row for row in islice(csv.reader(lines, delimiter=delimiter), _LOOKED_AT) if any(map(str.strip, row))]
+        rows = [row for row in islice(csv.reader(lines[place:], delimiter=delimiter), _LOOKED_AT) if any(row)]
     except csv.Error:
         return False
     rows = [row for row in rows if not row[0].startswith(_COMMENTS)]
     width = len(columns)
-    alike = sum(len(row) >= width and not any(map(str.strip, row[width:])) for row in rows)
-    return bool(rows) and 2 * alike >= len(rows)
+    alike = [row for row in rows if len(row) >= width and not any(map(str.strip, row[width:]))]
+    cells = [cell for row in alike for cell in row if cell.strip()]
+    has_values = len(alike) > 1 and 2 * sum(any(map(str.isdigit, cell)) for cell in cells) >= len(cells)
+    return bool(rows) and 2 * len(alike) >= len(rows) and (is_first or has_values)
 
 
 def _headless(

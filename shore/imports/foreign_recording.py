@@ -1,9 +1,9 @@
 """Two-pass import of a foreign recording: what is in it and when, then its measurements on one clock."""
 
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from common.boat_config import BoatConfig
 from common.codec import encode_frame
@@ -14,6 +14,7 @@ from shore.imports import frames as cut
 from shore.imports.columns import ColumnReader
 from shore.imports.job import Job
 from shore.imports.log_maker import LogMaker, Written
+from shore.imports.meaning import Doubt, words_of
 from shore.imports.part import ALONE, TripPart, check_sound, moved
 from shore.imports.progress import bytes_shown
 from shore.imports.reader import RecordingReader, digest_of
@@ -68,7 +69,7 @@ class ForeignRecording:
         maker = LogMaker(greeting, job.options.settings, -plan.shift_of_date_ns if self._is_utc else None)
         with bytes_shown("importing", self._size) as progress:
             frames = cut.frames_of(self._second_pass(progress), config, cut.identity_of(greeting), clock)
-            done = maker.write(out, map(encode_frame, frames), job.options.trip, job.record)
+            done = maker.write(out, map(encode_frame, frames), job.options.trip, lambda: self._record(maker.doubts()))
         return done, maker.written
 
     def part(self) -> TripPart:
@@ -92,6 +93,12 @@ class ForeignRecording:
             last_ns=last_ns + shift_ns,
             measurements=lambda: (moved(placed.measurement, shift_ns) for placed in self._second_pass(None)),
         )
+
+    def _record(self, doubts: Sequence[Doubt]) -> dict[str, Any]:
+        """The job's record, with what its values contradict among the notes."""
+        mapping = self._first.mapping if isinstance(self._first, ColumnReader) else None
+        self._job.notes += [words_of(doubt, mapping) for doubt in doubts]
+        return self._job.record()
 
     def _second_pass(self, progress: Callable[[int], None] | None) -> Iterator[cut.Placed]:
         """The measurements on boat time; the accounts of the job are those of this pass."""

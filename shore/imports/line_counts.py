@@ -26,10 +26,15 @@ class Account:
         self.rejected[reason] += 1
         self.first.setdefault(reason, where)
 
-    @property
-    def is_mostly_rejected(self) -> bool:
-        """True when more was rejected than taken; what was ignored is well-formed and of no use to a log."""
-        return self.rejected.total() > self.taken.total()
+    def too_little(self) -> str | None:
+        """Why less than half was used, as a sentence; `None` = more was. What was ignored is of no use to any log."""
+        rejected, taken = self.rejected.total(), self.taken.total()
+        if rejected <= taken:
+            return None
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in self.rejected.most_common(3))
+        first = self.first.get(self.rejected.most_common(1)[0][0])
+        where = "" if first is None else f"; the first is {first}"
+        return f"less than half was used: {rejected} of {rejected + taken} {self.unit} were refused: {reasons}{where}"
 
     @property
     def total(self) -> int:

@@ -12,6 +12,7 @@ from common.codec import decode_frame
 from common.errors import CodecError
 from common.messages import Frame
 from common.settings import convert
+from shore.imports.meaning import Doubt, MeaningCheck
 from shore.logbook.schemas import SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
@@ -38,8 +39,21 @@ class Written:
     """Number of estimates of each filter."""
     aligned: Counter[str] = field(default_factory=Counter)
     """Number of estimates of the first filter whose `position`, `heading`, or both (`whole`) are valid."""
+    waiting: Counter[tuple[str, ...]] = field(default_factory=Counter)
+    """Number of frames after which the first filter lacked this."""
     events: Counter[str] = field(default_factory=Counter)
     """Number of events of each level."""
+
+    def why_not_aligned(self) -> str | None:
+        """Why no estimate is wholly valid, as a sentence; `None` = there is one, or no filter ran."""
+        if self.aligned["whole"] or not self.waiting:
+            return None
+        if not self.measurements["fixes"]:
+            return "there is no position in it, and filters begin with one"
+        if not self.usable_fixes:
+            return f"none of its {self.measurements['fixes']} fixes says that it is valid"
+        lacking = ", ".join(self.waiting.most_common(1)[0][0])
+        return f"the filters waited for: {lacking}" if lacking else None
 
 
 class ImportCounts(Watcher):
@@ -62,6 +76,8 @@ class ImportCounts(Watcher):
         for block in frame.imu:
             written.measurements["imu_samples"] += len(block.offset_us)
         written.usable_fixes += sum(fix.usable for fix in frame.fixes)
+        if self._shown_filter is not None and step.output.waiting is not None:
+            written.waiting[step.output.waiting] += 1
         for estimate in step.output.estimates:
             written.estimates[estimate.filter] += 1
             if estimate.filter == self._shown_filter:
@@ -82,11 +98,16 @@ class LogMaker:
         asked = settings.filter
         self._pipeline = Pipeline(self._config, asked.names, asked.step_s) if asked.names else None
         self._counts = ImportCounts(asked.names)
+        self._meaning = MeaningCheck()
 
     @property
     def written(self) -> Written:
         """What the log holds so far."""
         return self._counts.written
+
+    def doubts(self) -> list[Doubt]:
+        """What the sensors' own values contradict, by the frames so far."""
+        return self._meaning.doubts()
 
     def write(
         self, out: Path, frames: Iterable[bytes], trip: dict[str, Any] | None, facts: Callable[[], dict[str, Any]]
@@ -114,6 +135,7 @@ class LogMaker:
             except CodecError:
                 self.written.bad += 1
                 continue
+            self._meaning.take(frame)
             t_ns = self._log_time_ns(frame)
             if start is None:
                 watchers = open_watchers()

@@ -228,3 +228,25 @@ def test_both_of_a_place_in_one_cell(importer: Importer) -> None:
     text = "time\tPosition\n2026-05-12 10:08:00\tN42 13.800 W8 44.400\n2026-05-12 10:08:01\t42.23, -8.74\n"
     imported = mapped(importer, text, ISO_TIME + '[fix]\nplace = "Position"\n')
     assert places(imported) == [pytest.approx((42.23, -8.74))] * 2
+
+
+def test_less_than_half_used_is_exit_code_one(importer: Importer) -> None:
+    rows = "".join(f"2026-05-12 10:08:{second:02d},42.23,8.74 N,5\n" for second in range(2, 5))
+    imported = mapped(importer, HEAD + ROWS + rows, ISO_TIME + PLACE)
+    assert imported.code == 1
+    assert len(imported.fixes) == 2
+    assert (
+        "3 of 5 rows for fix were refused: lon: a letter of the other axis (3); the first is line 4" in imported.words
+    )
+
+
+@needs_cases
+def test_slow_no_compass(importer: Importer) -> None:
+    imported = importer(SHORE / "slow-no-compass.nmea", filters="fuzzy")
+    assert imported.summary["aligned"] or "no estimate is valid: the filters waited for" in imported.words
+
+
+def test_no_position_is_why_there_are_no_estimates(importer: Importer) -> None:
+    (importer.directory / "map.toml").write_text(ISO_TIME + '[heading]\ncolumn = "sog"\n')
+    imported = importer.text(HEAD + ROWS, "--map", str(importer.directory / "map.toml"), name="in.csv", filters="fuzzy")
+    assert "there is no position in it" in imported.words

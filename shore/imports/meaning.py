@@ -1,0 +1,348 @@
+"""Plausibility check of units and signs: what several sensors say of one motion must agree (cross-sensor consistency).
+
+Compared are changes between neighbouring windows of `WINDOW_S`, so that constant biases fall out and noise is averaged:
+the heading's with the integral of the yaw rate, the speed's with that of the forward acceleration. The speed and course
+of the places are compared with the speed and heading that are given. A factor near 57.3, 9.8, 1.94 or -1 is a unit or a
+sign.
+"""
+
+from array import array
+from dataclasses import dataclass, field
+from math import degrees
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geodesy import LocalPlane
+from common.messages import Fix, Frame
+from common.simulation.column_map import ColumnMap
+from common.units import M_S_PER_KN, NS_PER_S, STANDARD_GRAVITY_M_S2
+
+Array = NDArray[np.float64]
+
+WINDOW_S: Final = 4.0
+LEAST_WINDOWS: Final = 8
+"""So many pairs of windows at least; with fewer nothing is said."""
+LEAST_SHARE: Final = 0.6
+"""Least share of the changes that one factor must explain (r^2)."""
+NEAR: Final = 1.3
+"""A factor counts as one of the candidates when it lies within this ratio of it."""
+LONGEST_TURN: Final = 10
+"""So many windows at most are summed up for a person to see."""
+_RAD: Final = degrees(1.0)
+_G: Final = STANDARD_GRAVITY_M_S2
+_KN: Final = 1.0 / M_S_PER_KN
+
+
+class Cause(NamedTuple):
+    """A factor that is no chance."""
+
+    factor: float
+    guess: str
+
+
+_YAW_RATE: Final = (
+    Cause(_RAD, "is it in rad/s?"),
+    Cause(1.0 / _RAD, "was it turned into degrees twice?"),
+    Cause(1.0 / 60.0, "is it in deg/min?"),
+    Cause(-1.0, "does its axis point up, or is the box upside down?"),
+    Cause(-_RAD, "is it in rad/s, with an axis that points up?"),
+    Cause(-1.0 / 60.0, "is it in deg/min, with an axis that points up?"),
+)
+_ACCELERATION: Final = (
+    Cause(_G, "is it in g?"),
+    Cause(1.0 / _G, "was it turned from g into m/s^2 twice?"),
+    Cause(-1.0, "does its axis point the other way?"),
+    Cause(-_G, "is it in g, with an axis that points the other way?"),
+)
+_SPEED: Final = (
+    Cause(_KN, "is it in m/s?"),
+    Cause(1.0 / 1.852, "is it in km/h?"),
+    Cause(_KN / 100.0, "is it in cm/s?"),
+    Cause(M_S_PER_KN, "was it turned into knots twice?"),
+    Cause(1609.344 / 1852.0, "is it in mph?"),
+)
+_HEADING: Final = (Cause(_RAD, "is it in radians?"), Cause(-1.0, "does it count anticlockwise, from east?"))
+
+
+class Doubt(NamedTuple):
+    """A quantity that others contradict."""
+
+    text: str
+    """What contradicts what, in figures, and a guess why."""
+    key: str
+    """Key of a mapping that cures it."""
+    factor: float
+    """Factor by which the quantity must be multiplied."""
+
+
+@dataclass(slots=True)
+class _Series:
+    """A quantity in time."""
+
+    t_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    value: "array[float]" = field(default_factory=lambda: array("d"))
+
+    def add(self, t_ns: int, value: float) -> None:
+        # A frame that came late says nothing new of a unit.
+        if not self.t_ns or t_ns > self.t_ns[-1]:
+            self.t_ns.append(t_ns)
+            self.value.append(value)
+
+    def arrays(self, start_ns: int) -> tuple[Array, Array]:
+        return (np.asarray(self.t_ns) - start_ns) / NS_PER_S, np.asarray(self.value)
+
+
+class MeaningCheck:
+    """Gathers what frames say of the motion: of each quantity the first sensor that speaks of it."""
+
+    def __init__(self) -> None:
+        self._series: dict[str, _Series] = {}
+        self._sensor: dict[str, str] = {}
+        self._plane: LocalPlane | None = None
+
+    def take(self, frame: Frame) -> None:
+        """The measurements of one frame."""
+        for fix in frame.fixes:
+            if fix.usable:
+                self._take_fix(fix)
+        for heading in frame.headings:
+            value = heading.heading_mag_deg if heading.heading_true_deg is None else heading.heading_true_deg
+            self._add("heading", heading.sensor, heading.t_ns, value)
+        for rate in frame.turn_rates:
+            self._add("yaw_rate", rate.sensor, rate.t_ns, rate.rate_deg_s)
+        for block in frame.imu:
+            for t_ns, *values in zip(
+                block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=True
+            ):
+                for name, value in zip(("accel_fwd", "accel_stb", "yaw_rate"), values, strict=True):
+                    self._add(name, block.sensor, t_ns, value)
+
+    def doubts(self) -> list[Doubt]:
+        """What contradicts what; empty where nothing does, or where too little moved to tell."""
+        starts = [series.t_ns[0] for series in self._series.values()]
+        ends = [series.t_ns[-1] for series in self._series.values()]
+        if not starts or max(ends) - min(starts) < LEAST_WINDOWS * WINDOW_S * NS_PER_S:
+            return []
+        means = _Means(self._series, min(starts), max(ends))
+        turn = _yaw_rate_doubt(means)
+        is_turned = turn is not None and turn.factor < 0.0
+        found = [_heading_doubt(means), turn, _forward_doubt(means), _starboard_doubt(means, is_turned=is_turned)]
+        found += [_speed_doubt(means)]
+        found += [_axis_doubt(self._series, name) for name in ("accel_fwd", "accel_stb", "yaw_rate")]
+        return [doubt for doubt in found if doubt is not None]
+
+    def _take_fix(self, fix: Fix) -> None:
+        if fix.lat_deg is None or fix.lon_deg is None:
+            return
+        if self._plane is None:
+            self._plane = LocalPlane(fix.lat_deg, fix.lon_deg)
+        east_m, north_m = self._plane.to_east_north_m(fix.lat_deg, fix.lon_deg)
+        self._add("east", fix.sensor, fix.t_ns, east_m)
+        self._add("north", fix.sensor, fix.t_ns, north_m)
+        self._add("sog", fix.sensor, fix.t_ns, fix.sog_kn)
+
+    def _add(self, name: str, sensor: str, t_ns: int, value: float | None) -> None:
+        if value is not None and self._sensor.setdefault(name, sensor) == sensor:
+            self._series.setdefault(name, _Series()).add(t_ns, value)
+
+
+class _Means:
+    """Window means of each quantity, (n,): NaN where it did not speak twice in a window."""
+
+    def __init__(self, series: dict[str, _Series], start_ns: int, end_ns: int) -> None:
+        self.edges = np.arange(0.0, (end_ns - start_ns) / NS_PER_S + WINDOW_S, WINDOW_S)
+        self.of: dict[str, Array] = {}
+        for name, each in series.items():
+            t_s, values = each.arrays(start_ns)
+            if len(t_s) < 2:
+                continue
+            if name == "heading":
+                values = np.degrees(np.unwrap(np.radians(values)))
+            self.of[name] = self._means(t_s, values)
+            if name in ("yaw_rate", "accel_fwd", "accel_stb"):
+                self.of["sum of " + name] = self._means(t_s, _integral(t_s, values), t_s)
+        if {"east", "north"} <= self.of.keys():
+            self.v_east, self.v_north = (np.diff(self.of[name]) / WINDOW_S for name in ("east", "north"))
+
+    def changes(self, name: str) -> Array | None:
+        """Change of a quantity from each window to the next, (n - 1,)."""
+        return np.diff(self.of[name]) if name in self.of else None
+
+    def _means(self, t_s: Array, values: Array, counted_s: Array | None = None) -> Array:
+        spoke = np.histogram(t_s if counted_s is None else counted_s, self.edges)[0] >= 2
+        means = np.diff(np.interp(self.edges, t_s, _integral(t_s, values))) / WINDOW_S
+        # Outside its own time the integral stands still.
+        whole = (self.edges[:-1] >= t_s[0] - WINDOW_S / 8) & (self.edges[1:] <= t_s[-1] + WINDOW_S / 8)
+        return np.where(spoke & whole, means, np.nan)
+
+
+class _Fit(NamedTuple):
+    factor: float
+    share: float
+    """Share of the changes that the factor explains."""
+    longest: tuple[float, float]
+    """Both quantities over the stretch in which the right one changed most."""
+
+
+def _integral(t_s: Array, values: Array) -> Array:
+    return np.concatenate(([0.0], np.cumsum(np.diff(t_s) * (values[1:] + values[:-1]) / 2.0)))
+
+
+def _fit(right: Array | None, doubted: Array | None, least: float) -> _Fit | None:
+    """Factor from the doubted changes to the right ones (least squares); `None` = too little moved."""
+    if right is None or doubted is None:
+        return None
+    both = np.isfinite(right) & np.isfinite(doubted)
+    if both.sum() < LEAST_WINDOWS or float(np.std(right[both])) < least:
+        return None
+    y, x = right[both] - np.mean(right[both]), doubted[both] - np.mean(doubted[both])
+    power = float(np.dot(x, x))
+    if power == 0.0:
+        return None
+    factor = float(np.dot(x, y)) / power
+    share = factor * float(np.dot(x, y)) / float(np.dot(y, y))
+    return _Fit(factor, share, _longest(right[both], doubted[both]))
+
+
+def _longest(right: Array, doubted: Array) -> tuple[float, float]:
+    """Both over the stretch of up to `LONGEST_TURN` windows in which the first changed most."""
+    stretches = [
+        (float(np.sum(right[place : place + count])), float(np.sum(doubted[place : place + count])))
+        for count in range(1, min(LONGEST_TURN, len(right)) + 1)
+        for place in (int(np.argmax(np.abs(np.convolve(right, np.ones(count), "valid")))),)
+    ]
+    return max(stretches, key=lambda both: abs(both[0]))
+
+
+def _cause(factor: float, causes: tuple[Cause, ...], near: float = NEAR) -> Cause | None:
+    """The candidate next to a factor, by ratio; `None` = none is near, or 1 is."""
+    if 1.0 / near < factor < near:
+        return None
+    alike = [cause for cause in causes if 1.0 / near < factor / cause.factor < near]
+    return min(alike, key=lambda cause: abs(np.log(factor / cause.factor)), default=None)
+
+
+def _yaw_rate_doubt(means: _Means) -> Doubt | None:
+    fit = _fit(means.changes("heading"), means.changes("sum of yaw_rate"), 2.0)
+    cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _YAW_RATE)
+    if fit is None or cause is None:
+        return None
+    turned, summed = fit.longest
+    text = f"the heading turned {turned:.0f} deg where the yaw rate integrates to {summed:.2g}: {cause.guess}"
+    return Doubt(text, "yaw_rate_scale", cause.factor)
+
+
+def _forward_doubt(means: _Means) -> Doubt | None:
+    speed = means.changes("sog")
+    fit = _fit(None if speed is None else speed * M_S_PER_KN, means.changes("sum of accel_fwd"), 0.3)
+    cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _ACCELERATION)
+    if fit is None or cause is None:
+        return None
+    gained, summed = fit.longest
+    text = f"the speed changed by {gained:.1f} m/s where accel_fwd integrates to {summed:.2g}: {cause.guess}"
+    return Doubt(text, "accel_scale", cause.factor)
+
+
+def _starboard_doubt(means: _Means, *, is_turned: bool) -> Doubt | None:
+    """Centripetal acceleration: speed times turn.
+
+    A hull that heels hides or reverses it at low speed, so a wrong sign is believed of a box whose yaw rate has it too.
+    """
+    turn, speed = means.changes("heading"), means.of.get("sog")
+    if speed is None and hasattr(means, "v_east"):
+        speed = np.append(np.hypot(means.v_east, means.v_north), np.nan) / M_S_PER_KN
+    if turn is None or speed is None:
+        return None
+    sideways = np.radians(turn) * (speed[1:] + speed[:-1]) / 2.0 * M_S_PER_KN
+    fit = _fit(sideways, means.changes("sum of accel_stb"), 0.1)
+    cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _ACCELERATION)
+    if fit is None or cause is None or (cause.factor < 0.0 and not is_turned):
+        return None
+    text = (
+        f"turns call for {fit.longest[0]:.1f} m/s to starboard where accel_stb integrates to {fit.longest[1]:.2g}: "
+        f"{cause.guess}"
+    )
+    return Doubt(text, "accel_stb_scale", cause.factor)
+
+
+def _speed_doubt(means: _Means) -> Doubt | None:
+    if "sog" not in means.of or not hasattr(means, "v_east"):
+        return None
+    moved = np.hypot(means.v_east, means.v_north) / M_S_PER_KN
+    said = (means.of["sog"][1:] + means.of["sog"][:-1]) / 2.0
+    fast = np.isfinite(moved) & np.isfinite(said) & (moved > 2.0) & (said > 0.01)
+    if fast.sum() < LEAST_WINDOWS:
+        return None
+    low, factor, high = np.quantile(moved[fast] / said[fast], (0.25, 0.5, 0.75))
+    cause = _cause(float(factor), _SPEED, 1.06) if high < 1.15 * low else None
+    if cause is None:
+        return None
+    text = (
+        f"the places move at {np.median(moved[fast]):.1f} kn where the speed says {np.median(said[fast]):.1f}: "
+        f"{cause.guess}"
+    )
+    return Doubt(text, "sog_scale", cause.factor)
+
+
+def _heading_doubt(means: _Means) -> Doubt | None:
+    """Heading against the course of the places: leeway and current are small beside a wrong unit."""
+    if "heading" not in means.of or not hasattr(means, "v_east"):
+        return None
+    course = np.degrees(np.arctan2(means.v_east, means.v_north))
+    heading = (means.of["heading"][1:] + means.of["heading"][:-1]) / 2.0
+    good = np.isfinite(course) & np.isfinite(heading) & (np.hypot(means.v_east, means.v_north) > 1.0)
+    if good.sum() < 2 * LEAST_WINDOWS:
+        return None
+    turned = np.degrees(np.unwrap(np.radians(course[good])))
+    step = np.flatnonzero(good)
+    beside = np.diff(step) == 1
+    fit = _fit(np.diff(turned)[beside], np.diff(heading[good])[beside], 5.0)
+    cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _HEADING)
+    if fit is None or cause is None:
+        return None
+    text = f"the course turned {fit.longest[0]:.0f} deg where the heading turned {fit.longest[1]:.2g}: {cause.guess}"
+    return Doubt(text, "scale", cause.factor)
+
+
+def _axis_doubt(series: dict[str, _Series], name: str) -> Doubt | None:
+    """An axis that shows gravity all the time is the vertical one; one that never changes is no sensor."""
+    values = np.asarray(series[name].value) if name in series else np.zeros(0)
+    if len(values) < LEAST_WINDOWS:
+        return None
+    mean, spread = float(np.mean(values)), float(np.std(values))
+    if spread == 0.0:
+        return Doubt(f"{name} is {mean:g} in all {len(values)} samples: does that sensor work?", name, 1.0)
+    for gravity in () if name == "yaw_rate" else (_G, 1.0):
+        if abs(abs(mean) - gravity) < 0.05 * gravity and spread < 0.2 * gravity:
+            return Doubt(f"{name} is {mean:.2f} all the time, as gravity is: is it the vertical axis?", name, 1.0)
+    return None
+
+
+def words_of(doubt: Doubt, mapping: ColumnMap | None) -> str:
+    """A doubt as a sentence, with the line of the mapping that cures it; `None` = no mapping was used."""
+    if mapping is None:
+        return f"{doubt.text} ({doubt.key} of a mapping would be {doubt.factor:.7g})"
+    return f"{doubt.text} Cure: {_cure(doubt, mapping)}"
+
+
+def _cure(doubt: Doubt, mapping: ColumnMap) -> str:
+    fix, heading, imu = mapping.fix, mapping.heading, mapping.imu
+    match doubt.key:
+        case "yaw_rate_scale":
+            now = None if imu is None else imu.yaw_rate_scale
+        case "accel_scale":
+            now = None if imu is None else imu.accel_scale
+        case "accel_stb_scale":
+            now = None if imu is None else imu.accel_scale if imu.accel_stb_scale is None else imu.accel_stb_scale
+        case "sog_scale":
+            now = None if fix is None else fix.sog_scale
+        case "scale":
+            now = None if heading is None else heading.scale
+        case _:
+            return f"give {doubt.key} the right column, or leave it out"
+    line = f"{doubt.key} = {doubt.factor * (1.0 if now is None else now):.7g}"
+    if doubt.key == "scale":
+        line += " and offset_deg = 90 in [heading]" if doubt.factor == -1.0 else " in [heading]"
+    return line
