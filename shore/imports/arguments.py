@@ -11,9 +11,9 @@ from shore.terminal import add_json
 
 DESCRIPTION: Final = (
     "Make a log of a recording: NMEA and other serial recordings (up to 128 MiB), frames files, gpsd JSON, Signal K "
-    "deltas and server logs, CSV with a mapping. Told by its content. Exit code 1: less than half could be used; the "
-    "reasons are printed. "
-    "Several recordings of one trip become one log by their UTC, with breaks up to half an hour (docs/log-format.md)."
+    "deltas and server logs, GPX tracks, CSV with a mapping (docs/mapping.md). Told by its content. Exit code 1: less "
+    "than half of it could be used; the reasons are printed. Several recordings of one trip become one log by their "
+    "UTC, with breaks up to half an hour (docs/log-format.md)."
 )
 EXAMPLE: Final = "Example: wayfix import gps.nmea imu.csv:imu-map.toml trip.mcap"
 

@@ -63,7 +63,7 @@ class ForeignRecording:
         config = cut.boat_config(self._first.boat, self._first.sensors(self._rates), self._given)
         made = {"kind": str(job.kind), "clock": "utc" if self._is_utc else "from-zero"}
         greeting = cut.greeting_of(config, job.digest, made)
-        source = "gnss" if job.kind is RecordingKind.GPSD else "rtc"
+        source = "gnss" if job.kind in (RecordingKind.GPSD, RecordingKind.GPX) else "rtc"
         doubt_ns = 100 * NS_PER_MS if source == "gnss" else NS_PER_S
         clock = cut.RecordingClock(source if self._is_utc else "none", doubt_ns, plan.shift_of_date_ns)
         maker = LogMaker(greeting, job.options.settings, -plan.shift_of_date_ns if self._is_utc else None)
@@ -106,7 +106,7 @@ class ForeignRecording:
         reader = self._make(progress)
         reader.sources = self._first.sources
         job.accounts = reader.accounts
-        job.notes += [note for note in reader.notes if note not in job.notes]
+        job.notes += [note for note in self._first.notes if note not in job.notes]
         if reader.sources.names:
             job.facts["sources"] = reader.sources.as_record()
         for number, record in enumerate(reader.records()):

@@ -90,8 +90,8 @@ class FramedRecording:
         self._file = file
         self._count = count
         job.digest = digest_of(job.source)
-        first = next(_decoded(file.frames()), None)
-        self._offset_ns = utc_offset_ns(_decoded(file.frames()))
+        first = next(decoded(file.frames()), None)
+        self._offset_ns = utc_offset_ns(decoded(file.frames()))
         if self._offset_ns is None and hint_ns is not None and first is not None:
             self._offset_ns = hint_ns - first.t0_ns
 
@@ -118,7 +118,7 @@ class FramedRecording:
         job = self._job
         extent = _Extent()
         account = Account("frames")
-        for frame in _decoded(self._file.frames(), account):
+        for frame in decoded(self._file.frames(), account):
             extent.take(frame)
         job.accounts = job.accounts or (account,)
         self._check(extent)
@@ -134,7 +134,7 @@ class FramedRecording:
             last_ns=extent.last_ns + offset_ns,
             measurements=lambda: (
                 moved(measurement, offset_ns)
-                for frame in _decoded(self._file.frames())
+                for frame in decoded(self._file.frames())
                 for measurement in measurements_of(frame)
             ),
         )
@@ -169,7 +169,7 @@ def measurements_of(frame: Frame) -> list[Measurement]:
     return sorted(found, key=lambda measurement: max(measurement.t_ns, frame.t0_ns))
 
 
-def _decoded(frames: Iterable[bytes], account: Account | None = None) -> Iterator[Frame]:
+def decoded(frames: Iterable[bytes], account: Account | None = None) -> Iterator[Frame]:
     """The frames that are such; account: counts them all."""
     for data in frames:
         try:

@@ -21,7 +21,7 @@ HEAD_BYTES: Final = 1 << 18
 MOST_NAMED: Final = 24
 _EXAMPLES: Final = "examples are in deploy/examples"
 _AS_UTF8: Final = "convert it with `iconv -f UTF-16 -t UTF-8 FILE > OUT`"
-_KNOWN: Final = "NMEA 0183, gpsd JSON, Signal K and CSV with --map can be imported"
+_KNOWN: Final = "NMEA 0183, gpsd JSON, Signal K, GPX and CSV with --map can be imported"
 
 
 class RecordingKind(StrEnum):
@@ -31,6 +31,7 @@ class RecordingKind(StrEnum):
     SERIAL = "serial recording"
     TABLE = "table (CSV)"
     GPSD = "gpsd JSON"
+    GPX = "GPX track"
     SIGNALK = "Signal K deltas"
     SIGNALK_LOG = "Signal K server log"
     LOG = "log"
@@ -117,6 +118,8 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
             cure = "let the receiver send NMEA, or import what gpsd makes of it (gpspipe -w)"
             raise WayfixError("is binary of a u-blox receiver (UBX)", str(path), cure)
         raise WayfixError("is binary, of a kind that is not known here", str(path), _KNOWN)
+    if head.lstrip()[:1] == b"<" and b"<gpx" in head:
+        return RecordingKind.GPX
     _refuse_text(path, head, lines)
     # The mapping may say what the table's head does not.
     if has_map or table_in(head) is not None:
@@ -219,8 +222,8 @@ def _is_binary(head: bytes) -> bool:
 
 def _refuse_text(path: Path, head: bytes, lines: list[bytes]) -> None:
     if head.lstrip()[:1] == b"<":
-        name = "GPX" if b"<gpx" in head else "KML" if b"<kml" in head else "XML or HTML"
-        raise WayfixError(f"is {name}: a track, no recording of sensors", str(path), f"convert it to CSV; {_KNOWN}")
+        name = "KML: a drawing" if b"<kml" in head else "XML or HTML"
+        raise WayfixError(f"is {name}, no recording of sensors", str(path), f"convert it to CSV or GPX; {_KNOWN}")
     if sum(_PROGRAM_LOG.match(line) is not None for line in lines[:50]) * 2 > len(lines[:50]):
         cure = "write its values to a CSV with one time column and give a --map"
         raise WayfixError("is the text log of a program, with values inside sentences of its own", str(path), cure)

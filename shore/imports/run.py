@@ -13,6 +13,7 @@ from shore.imports.columns import ColumnReader
 from shore.imports.foreign_recording import ForeignRecording, Make
 from shore.imports.framed_recording import FramedRecording, LogFrames
 from shore.imports.gpsd import GpsdReader
+from shore.imports.gpx import GpxReader
 from shore.imports.job import Job
 from shore.imports.json_lines import one_object_a_line
 from shore.imports.log_maker import Written
@@ -56,6 +57,8 @@ def opened_recording(job: Job, stack: ExitStack) -> Recording:
             return _from_reader(job, lambda progress: ColumnReader(job.source, mapping, progress))
         case RecordingKind.GPSD:
             return _from_reader(job, lambda progress: GpsdReader(one_object_a_line(Lines(job.source, progress))))
+        case RecordingKind.GPX:
+            return _from_reader(job, lambda progress: GpxReader(job.source, progress))
         case RecordingKind.SIGNALK:
             return _from_deltas(job)
 

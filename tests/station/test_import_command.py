@@ -57,7 +57,7 @@ def importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Importer:
         ("$GPRMC,1\r\n".encode("utf-16"), "UTF-16"),
         ("$GPRMC,1\r\n".encode("utf-16-be").join((b"\xfe\xff", b"")), "UTF-16"),
         (b'{"log": [\n{"class": "TPV", "lat": 1}\n]}', "jq -c"),
-        (b'<?xml version="1.0"?>\n<gpx version="1.1">\n</gpx>', "is GPX"),
+        (b'<?xml version="1.0"?>\n<kml>\n</kml>', "is KML"),
         (b"time,lat,lon\n1,2,3\n4,5,6\n", "the columns time, lat, lon"),
         (b"MMSI,lat,lon\n1,2,3\n4,5,6\n", "other ships"),
         (b"Dear diary,\nnothing happened.\nSo it goes.\n", "not known here"),
