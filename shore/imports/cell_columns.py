@@ -111,14 +111,14 @@ class PlaceColumns:
         self._decimal = decimal
         self.notes: list[str] = []
         """What was found out, and a person should know."""
-        self._letters = (
+        self.letters = (
             self._beside(fix.lat, fix.north_south, "NS", rows),
             self._beside(fix.lon, fix.east_west, "EW", rows),
         )
         self._scale = named if fix.scale is None else fix.scale
         lats, lons = self._angles(() if fix.lat is None and fix.place is None else rows)
-        self._is_packed = fix.packed if fix.packed is not None else fix.scale is None and self._looks_packed(lats, lons)
-        if self._is_packed and fix.packed is None:
+        self.is_packed = fix.packed if fix.packed is not None else fix.scale is None and self._looks_packed(lats, lons)
+        if self.is_packed and fix.packed is None:
             self.notes.append("places are read as degrees and minutes (ddmm.mmmm); packed = false says otherwise")
         self._eastward = self._first_eastward(lons)
 
@@ -150,7 +150,7 @@ class PlaceColumns:
             return None
         lat, lon = (
             cells[name] if letter is None else f"{cells[name]} {cells[letter]}".strip()
-            for name, letter in zip((fix.lat, fix.lon), self._letters, strict=True)
+            for name, letter in zip((fix.lat, fix.lon), self.letters, strict=True)
         )
         return lat, lon
 
@@ -167,7 +167,7 @@ class PlaceColumns:
     def _degrees(self, angle: Angle) -> float:
         if not angle.is_bare:
             return angle.value
-        return from_packed(angle.value) if self._is_packed else angle.value * self._scale
+        return from_packed(angle.value) if self.is_packed else angle.value * self._scale
 
     def _beside(self, name: str | None, given: str | None, axis: str, rows: Sequence[Cells]) -> str | None:
         """The column of the letters: the one that the mapping names, else a neighbour that holds nothing else."""

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -11,6 +12,7 @@ from typing import Any, Final, NamedTuple
 from common.atomic_file import check_target
 from common.errors import WayfixError
 from common.units import NS_PER_S
+from shore.imports.guess import proposed
 from shore.imports.job import ImportOptions, Job
 from shore.imports.log_maker import Written
 from shore.imports.recognise import RecordingKind, recognise
@@ -32,7 +34,13 @@ class Given(NamedTuple):
 
 def run(arguments: argparse.Namespace) -> int:
     """Import one file or several; the exit code. Raises WayfixError."""
-    given = [given_as(text) for text in arguments.recording]
+    if arguments.guess:
+        return _guess(arguments)
+    *recordings, out = arguments.recording
+    arguments.out = Path(out)
+    if not recordings:
+        raise WayfixError("is one path, and an import needs two", out, "give FILE and OUT.mcap, the log to write")
+    given = [given_as(text) for text in recordings]
     if arguments.map is not None:
         if len(given) > 1 or given[0].map is not None:
             raise WayfixError("is for one FILE", "--map", "write each mapping behind its table, FILE:MAP.toml")
@@ -47,6 +55,17 @@ def run(arguments: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         say(f"stopped; {arguments.out} was not written")
         return 0
+
+
+def _guess(arguments: argparse.Namespace) -> int:
+    """Print a mapping for a table."""
+    if len(arguments.recording) > 1 or arguments.map is not None:
+        raise WayfixError("is for one table without a mapping", "--guess", "give FILE alone")
+    path = Path(arguments.recording[0])
+    kind = recognise(path, has_map=True, is_serial=False)
+    assert kind is RecordingKind.TABLE
+    sys.stdout.write(proposed(path).text())
+    return 0
 
 
 def given_as(text: str) -> Given:

@@ -8,14 +8,16 @@ sign.
 
 from array import array
 from dataclasses import dataclass, field
+from itertools import chain
 from math import degrees
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.framer import ImuSample, Measurement
 from common.geodesy import LocalPlane
-from common.messages import Fix, Frame
+from common.messages import Fix, Frame, Heading, TurnRate
 from common.simulation.column_map import ColumnMap
 from common.units import M_S_PER_KN, NS_PER_S, STANDARD_GRAVITY_M_S2
 
@@ -26,6 +28,10 @@ LEAST_WINDOWS: Final = 8
 """So many pairs of windows at least; with fewer nothing is said."""
 LEAST_SHARE: Final = 0.6
 """Least share of the changes that one factor must explain (r^2)."""
+UNRELATED: Final = 0.3
+"""A heading that explains less than this share of the changes of course is no heading."""
+FAST_M_S: Final = 3.0
+"""Median speed below which the noise of the places makes the course uncertain, so that no heading is judged by it."""
 NEAR: Final = 1.3
 """A factor counts as one of the candidates when it lies within this ratio of it."""
 LONGEST_TURN: Final = 10
@@ -42,6 +48,7 @@ class Cause(NamedTuple):
     guess: str
 
 
+_RIGHT: Final = Cause(1.0, "they agree")
 _YAW_RATE: Final = (
     Cause(_RAD, "is it in rad/s?"),
     Cause(1.0 / _RAD, "was it turned into degrees twice?"),
@@ -67,14 +74,14 @@ _HEADING: Final = (Cause(_RAD, "is it in radians?"), Cause(-1.0, "does it count 
 
 
 class Doubt(NamedTuple):
-    """A quantity that others contradict."""
+    """A quantity that others contradict, or agree with."""
 
     text: str
     """What contradicts what, in figures, and a guess why."""
     key: str
     """Key of a mapping that cures it."""
-    factor: float
-    """Factor by which the quantity must be multiplied."""
+    factor: float | None
+    """Factor by which the quantity must be multiplied, 1 = it agrees with the others; `None` = no factor cures it."""
 
 
 @dataclass(slots=True)
@@ -104,30 +111,42 @@ class MeaningCheck:
 
     def take(self, frame: Frame) -> None:
         """The measurements of one frame."""
-        for fix in frame.fixes:
-            if fix.usable:
-                self._take_fix(fix)
-        for heading in frame.headings:
-            value = heading.heading_mag_deg if heading.heading_true_deg is None else heading.heading_true_deg
-            self._add("heading", heading.sensor, heading.t_ns, value)
-        for rate in frame.turn_rates:
-            self._add("yaw_rate", rate.sensor, rate.t_ns, rate.rate_deg_s)
+        for measurement in chain[Measurement](frame.fixes, frame.headings, frame.turn_rates):
+            self.add(measurement)
         for block in frame.imu:
             for t_ns, *values in zip(
                 block.sample_t_ns, block.accel_fwd_m_s2, block.accel_stb_m_s2, block.yaw_rate_deg_s, strict=True
             ):
-                for name, value in zip(("accel_fwd", "accel_stb", "yaw_rate"), values, strict=True):
-                    self._add(name, block.sensor, t_ns, value)
+                self.add(ImuSample(block.sensor, t_ns, *values))
+
+    def add(self, measurement: Measurement) -> None:
+        """One measurement; of what says nothing of the motion nothing is taken."""
+        sensor, t_ns = measurement.sensor, measurement.t_ns
+        if isinstance(measurement, Fix) and measurement.usable:
+            self._take_fix(measurement)
+        elif isinstance(measurement, Heading):
+            true_deg, mag_deg = measurement.heading_true_deg, measurement.heading_mag_deg
+            self._add("heading", sensor, t_ns, mag_deg if true_deg is None else true_deg)
+        elif isinstance(measurement, TurnRate):
+            self._add("yaw_rate", sensor, t_ns, measurement.rate_deg_s)
+        elif isinstance(measurement, ImuSample):
+            self._add("accel_fwd", sensor, t_ns, measurement.accel_fwd_m_s2)
+            self._add("accel_stb", sensor, t_ns, measurement.accel_stb_m_s2)
+            self._add("yaw_rate", sensor, t_ns, measurement.yaw_rate_deg_s)
 
     def doubts(self) -> list[Doubt]:
         """What contradicts what; empty where nothing does, or where too little moved to tell."""
+        return [found for found in self.findings() if found.factor != 1.0]
+
+    def findings(self) -> list[Doubt]:
+        """The same, and what agrees."""
         starts = [series.t_ns[0] for series in self._series.values()]
         ends = [series.t_ns[-1] for series in self._series.values()]
         if not starts or max(ends) - min(starts) < LEAST_WINDOWS * WINDOW_S * NS_PER_S:
             return []
         means = _Means(self._series, min(starts), max(ends))
         turn = _yaw_rate_doubt(means)
-        is_turned = turn is not None and turn.factor < 0.0
+        is_turned = turn is not None and turn.factor is not None and turn.factor < 0.0
         found = [_heading_doubt(means), turn, _forward_doubt(means), _starboard_doubt(means, is_turned=is_turned)]
         found += [_speed_doubt(means)]
         found += [_axis_doubt(self._series, name) for name in ("accel_fwd", "accel_stb", "yaw_rate")]
@@ -217,20 +236,22 @@ def _longest(right: Array, doubted: Array) -> tuple[float, float]:
 
 
 def _cause(factor: float, causes: tuple[Cause, ...], near: float = NEAR) -> Cause | None:
-    """The candidate next to a factor, by ratio; `None` = none is near, or 1 is."""
-    if 1.0 / near < factor < near:
-        return None
-    alike = [cause for cause in causes if 1.0 / near < factor / cause.factor < near]
+    """The candidate next to a factor, by ratio; `None` = none is near."""
+    alike = [cause for cause in (_RIGHT, *causes) if 1.0 / near < factor / cause.factor < near]
     return min(alike, key=lambda cause: abs(np.log(factor / cause.factor)), default=None)
 
 
 def _yaw_rate_doubt(means: _Means) -> Doubt | None:
+    """Against the heading, or where there is none against the course of the places."""
     fit = _fit(means.changes("heading"), means.changes("sum of yaw_rate"), 2.0)
+    name = "heading"
+    if "heading" not in means.of:
+        fit, name = _fit(*_beside_course(means, "sum of yaw_rate"), 5.0), "course"
     cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _YAW_RATE)
     if fit is None or cause is None:
         return None
     turned, summed = fit.longest
-    text = f"the heading turned {turned:.0f} deg where the yaw rate integrates to {summed:.2g}: {cause.guess}"
+    text = f"the {name} turned {turned:.0f} deg where the yaw rate integrates to {summed:.2g}: {cause.guess}"
     return Doubt(text, "yaw_rate_scale", cause.factor)
 
 
@@ -288,22 +309,32 @@ def _speed_doubt(means: _Means) -> Doubt | None:
 
 def _heading_doubt(means: _Means) -> Doubt | None:
     """Heading against the course of the places: leeway and current are small beside a wrong unit."""
-    if "heading" not in means.of or not hasattr(means, "v_east"):
+    fit = _fit(*_beside_course(means, "heading"), 5.0)
+    if fit is None:
         return None
+    turned, said = fit.longest
+    text = f"the course turned {turned:.0f} deg where the heading turned {said:.2g}"
+    cause = None if fit.share < LEAST_SHARE else _cause(fit.factor, _HEADING)
+    if cause is not None:
+        return Doubt(f"{text}: {cause.guess}", "scale", cause.factor)
+    is_fast = np.nanmedian(np.hypot(means.v_east, means.v_north)) > FAST_M_S
+    if is_fast and not UNRELATED < fit.share < LEAST_SHARE:
+        return Doubt(f"{text}: is it the direction of the bow?", "heading", None)
+    return None
+
+
+def _beside_course(means: _Means, name: str) -> tuple[Array | None, Array | None]:
+    """Changes of the course of the places, deg, and of a quantity beside them; only at 1 m/s and more."""
+    if name not in means.of or not hasattr(means, "v_east"):
+        return None, None
     course = np.degrees(np.arctan2(means.v_east, means.v_north))
-    heading = (means.of["heading"][1:] + means.of["heading"][:-1]) / 2.0
-    good = np.isfinite(course) & np.isfinite(heading) & (np.hypot(means.v_east, means.v_north) > 1.0)
+    values = (means.of[name][1:] + means.of[name][:-1]) / 2.0
+    good = np.isfinite(course) & np.isfinite(values) & (np.hypot(means.v_east, means.v_north) > 1.0)
     if good.sum() < 2 * LEAST_WINDOWS:
-        return None
+        return None, None
     turned = np.degrees(np.unwrap(np.radians(course[good])))
-    step = np.flatnonzero(good)
-    beside = np.diff(step) == 1
-    fit = _fit(np.diff(turned)[beside], np.diff(heading[good])[beside], 5.0)
-    cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _HEADING)
-    if fit is None or cause is None:
-        return None
-    text = f"the course turned {fit.longest[0]:.0f} deg where the heading turned {fit.longest[1]:.2g}: {cause.guess}"
-    return Doubt(text, "scale", cause.factor)
+    beside = np.diff(np.flatnonzero(good)) == 1
+    return np.diff(turned)[beside], np.diff(values[good])[beside]
 
 
 def _axis_doubt(series: dict[str, _Series], name: str) -> Doubt | None:
@@ -313,36 +344,45 @@ def _axis_doubt(series: dict[str, _Series], name: str) -> Doubt | None:
         return None
     mean, spread = float(np.mean(values)), float(np.std(values))
     if spread == 0.0:
-        return Doubt(f"{name} is {mean:g} in all {len(values)} samples: does that sensor work?", name, 1.0)
+        return Doubt(f"{name} is {mean:g} in all {len(values)} samples: does that sensor work?", name, None)
     for gravity in () if name == "yaw_rate" else (_G, 1.0):
         if abs(abs(mean) - gravity) < 0.05 * gravity and spread < 0.2 * gravity:
-            return Doubt(f"{name} is {mean:.2f} all the time, as gravity is: is it the vertical axis?", name, 1.0)
+            return Doubt(f"{name} is {mean:.2f} all the time, as gravity is: is it the vertical axis?", name, None)
     return None
 
 
 def words_of(doubt: Doubt, mapping: ColumnMap | None) -> str:
     """A doubt as a sentence, with the line of the mapping that cures it; `None` = no mapping was used."""
     if mapping is None:
-        return f"{doubt.text} ({doubt.key} of a mapping would be {doubt.factor:.7g})"
+        return doubt.text if doubt.factor is None else f"{doubt.text} (a factor of {doubt.factor:.7g})"
     return f"{doubt.text} Cure: {_cure(doubt, mapping)}"
 
 
 def _cure(doubt: Doubt, mapping: ColumnMap) -> str:
+    if doubt.factor is None:
+        return f"give {doubt.key} the right column, or leave it out"
+    return ", ".join(f"{key} = {value:.7g}" for key, value in cured(doubt, mapping).items())
+
+
+def cured(doubt: Doubt, mapping: ColumnMap) -> dict[str, float]:
+    """The keys of a mapping that must change, and their new values; the doubt must have a factor."""
     fix, heading, imu = mapping.fix, mapping.heading, mapping.imu
+    assert doubt.factor is not None
+    fwd = 1.0 if imu is None or imu.accel_scale is None else imu.accel_scale
+    stb = fwd if imu is None or imu.accel_stb_scale is None else imu.accel_stb_scale
     match doubt.key:
+        case "accel_scale" if doubt.factor < 0.0:  # the sign is that of one axis, the unit that of both
+            return {"accel_scale": fwd * doubt.factor, "accel_stb_scale": stb * abs(doubt.factor)}
+        case "accel_scale":
+            now: float | None = fwd
+        case "accel_stb_scale":
+            now = stb
         case "yaw_rate_scale":
             now = None if imu is None else imu.yaw_rate_scale
-        case "accel_scale":
-            now = None if imu is None else imu.accel_scale
-        case "accel_stb_scale":
-            now = None if imu is None else imu.accel_scale if imu.accel_stb_scale is None else imu.accel_stb_scale
         case "sog_scale":
             now = None if fix is None else fix.sog_scale
-        case "scale":
-            now = None if heading is None else heading.scale
         case _:
-            return f"give {doubt.key} the right column, or leave it out"
-    line = f"{doubt.key} = {doubt.factor * (1.0 if now is None else now):.7g}"
-    if doubt.key == "scale":
-        line += " and offset_deg = 90 in [heading]" if doubt.factor == -1.0 else " in [heading]"
-    return line
+            now = None if heading is None else heading.scale
+    value = doubt.factor * (1.0 if now is None else now)
+    turned = {"offset_deg": 90.0} if doubt.key == "scale" and doubt.factor < 0.0 else {}
+    return {doubt.key: value, **turned}

@@ -90,7 +90,7 @@ def recognise(path: Path, *, has_map: bool, is_serial: bool, is_alone: bool = Tr
         assert table is not None
         _refuse_table(path, table)
     if kind is not RecordingKind.TABLE and has_map:
-        raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "leave the mapping out")
+        raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "import it without one")
     return kind
 
 
@@ -242,4 +242,5 @@ def _refuse_table(path: Path, table: Table) -> NoReturn:
     cure = "say with --map MAP.toml, or FILE:MAP.toml, which column is what; " + (
         f"deploy/examples/{example} is for files with these columns" if example else _EXAMPLES
     )
+    cure += "; `wayfix import --guess FILE` proposes one"
     raise WayfixError(f"is a table with the columns {columns}", str(path), cure)

@@ -1,5 +1,6 @@
 """CSV file with its mapping: the head is found, the first rows tell how the cells are written (schema inference)."""
 
+import csv
 from collections.abc import Callable, Iterator, Sequence
 from io import TextIOWrapper
 from pathlib import Path
@@ -11,6 +12,7 @@ from shore.imports.cell_columns import Cells
 from shore.imports.csv_dialect import Table, TableRow, rows_of, table_in
 from shore.imports.reader import opened
 from shore.imports.recognise import HEAD_BYTES
+from shore.imports.text_encoding import decoded
 from shore.imports.units import UNITS, factor_of, unit_of_name
 
 SAMPLED: Final = 1000
@@ -52,6 +54,14 @@ class TableFile:
                     self._progress(now - counted)
                     counted = now
                 yield row
+
+    def raw_rows(self) -> list[list[str]]:
+        """The fields of the first lines, whatever the columns are."""
+        with opened(self._path) as stream:
+            lines = decoded(stream.read(HEAD_BYTES), self.table.encoding).splitlines()[self.table.first_line :][
+                :SAMPLED
+            ]
+        return list(csv.reader(lines, delimiter=self.table.delimiter))
 
     def is_units(self, cells: Cells) -> bool:
         """True for the row below the head that holds the units."""
