@@ -28,6 +28,8 @@ from shore.imports.values import in_range, utc_ns_of
 Cells = dict[str, str]
 ISO: Final = "iso"
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_MIDNIGHT: Final = datetime(1900, 1, 1, tzinfo=UTC)
+"""The day that strptime gives to a time of day."""
 _EXCEL_OF_1970: Final = 25_569
 """Excel's number of the day 1970-01-01."""
 _FINER: Final = re.compile(r"(?<=[0-9][.,][0-9]{6})[0-9]+")
@@ -229,6 +231,7 @@ class TimeCells:
         self._zero_ns = utc_ns_of(time.zero_utc) or 0
         self._scale = Decimal(repr(named if time.scale is None else time.scale))
         self._formats = () if time.format is None else _formats(time.format)
+        self._epoch = _EPOCH if has_date(time.format) else _MIDNIGHT
 
     def read(self, cells: Cells) -> int:
         """Time of a row, ns; raises BadCell."""
@@ -265,9 +268,14 @@ class TimeCells:
                 moment = datetime.strptime(_FINER.sub("", text), form)  # noqa: DTZ007 (made UTC below)
             except ValueError:
                 continue
-            since = (moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment) - _EPOCH
+            since = (moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment) - self._epoch
             return since // timedelta(microseconds=1) * NS_PER_US
         raise Rejected("not in the form of the mapping")
+
+
+def has_date(form: str | None) -> bool:
+    """True when a form of a time holds the day; without it a time counts from midnight."""
+    return form is None or form == ISO or any(part in form for part in ("%d", "%j", "%x", "%c"))
 
 
 def _formats(given: str) -> tuple[str, ...]:

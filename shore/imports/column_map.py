@@ -5,6 +5,7 @@ from pathlib import Path
 from common.errors import WayfixError
 from common.settings import read_toml
 from common.simulation.column_map import IMPORT, ColumnMap
+from shore.imports.cell_columns import has_date
 from shore.imports.line_counts import Rejected
 from shore.imports.values import utc_ns_of
 
@@ -32,6 +33,8 @@ def _check(mapping: ColumnMap, file: str) -> None:
         raise WayfixError("[imu] has one acceleration", file, "give accel_fwd and accel_stb, or neither")
     if time.format is None and not time.excel and (time.more or time.utc):
         raise WayfixError("[time] says how text is read, but not its format", file, "add format, or excel = true")
+    if time.utc and not has_date(time.format):
+        raise WayfixError("[time] is UTC without a day", file, "leave utc out, or add the column of the date to more")
     if time.format is not None and time.excel:
         raise WayfixError("[time] is text and a day of Excel at once", file, "leave one of format and excel out")
     if (time.format is not None or time.excel) and (time.nanoseconds or time.unix or time.zero_utc):

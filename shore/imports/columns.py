@@ -38,7 +38,13 @@ class ColumnReader:
         self._before: dict[str, Any] = {}
         """What the cells of each part said in the row before."""
         self.notes = list(dict.fromkeys(note for part, _ in self._parts for note in part.notes))
-        self._is_newest_first = _is_newest_first(self._file.sample, self._time)
+        steps = _steps_ns(self._file.sample, self._time)
+        moves = [step for step in steps if step]
+        self._is_newest_first = len(moves) > 1 and 10 * sum(step < 0 for step in moves) > 9 * len(moves)
+        if 2 * steps.count(0) > len(steps) > 1 and not time.spread:
+            self.notes.append(
+                "most rows have the time of the row before; spread = true spreads them up to the next time"
+            )
         if self._is_newest_first:
             self.notes.append("the newest row stands first: the rows are taken from the last to the first")
 
@@ -118,13 +124,12 @@ def _reject(account: Account, reason: str, row: TableRow, why: Rejected | None =
     account.reject(reason, f"line {row.line}" + (f", {details}" if details else ""))
 
 
-def _is_newest_first(rows: Sequence[Cells], time: TimeCells) -> bool:
-    """True when the times of the first rows go back, almost all of them."""
+def _steps_ns(rows: Sequence[Cells], time: TimeCells) -> list[int]:
+    """Steps of time from each of the first rows to the next, ns."""
     times = []
     for cells in rows:
         try:
             times.append(time.read(cells))
         except Rejected:
             continue
-    steps = [b - a for a, b in pairwise(times) if b != a]
-    return len(steps) > 1 and 10 * sum(step < 0 for step in steps) > 9 * len(steps)
+    return [b - a for a, b in pairwise(times)]

@@ -3,14 +3,14 @@
 import csv
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
-from typing import Final, NamedTuple, TextIO
+from typing import Any, Final, NamedTuple, TextIO
 
 from common.simulation.column_map import TableShape
 from shore.imports.text_encoding import decoded, encoding_of
 
-_DELIMITERS: Final = (",", ";", "\t", "|")
+_DELIMITERS: Final = (",", ";", "\t", "|", " ")
 _NO_SHAPE: Final = TableShape()
 LAST_TITLE_LINE: Final = 100
 """So many lines at the beginning are looked at for the head of the table."""
@@ -18,6 +18,7 @@ _LOOKED_AT: Final = 20
 """So many rows behind a line say whether it is their head."""
 _SEP_LINE: Final = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 _COMMENTS: Final = ("#", "//", "%")
+_VALUE: Final = re.compile(r"[+-]?[0-9.][0-9:.,/ TZeE+-]*")
 _WITH_COMMA: Final = re.compile(r"[+-]?[0-9]+,[0-9]+")
 _GROUPED: Final = re.compile(r"[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+")
 _WITH_POINT: Final = re.compile(r"[+-]?[0-9]+\.[0-9]+")
@@ -90,7 +91,7 @@ def rows_of(stream: TextIO, table: Table) -> Iterator[TableRow]:
     """Each row that holds anything; the stream is at its beginning."""
     for _ in range(table.first_line):
         stream.readline()
-    reader = csv.reader(stream, delimiter=table.delimiter)
+    reader = _reader(stream, table.delimiter)
     columns, width = table.columns, len(table.columns)
     while True:
         try:
@@ -119,10 +120,10 @@ def example_of(table: Table) -> str | None:
 
 def _heads(lines: Sequence[str], place: int, delimiters: Sequence[str]) -> Iterator[tuple[tuple[str, ...], str, int]]:
     """What the line at a place would be as a head: columns, delimiter, number of the first line behind it."""
-    for delimiter in sorted(delimiters, key=lines[place].count, reverse=True):
-        reader = csv.reader(lines[place : place + _LOOKED_AT], delimiter=delimiter)
+    for delimiter in sorted(delimiters, key=lambda each: (each != " ", lines[place].count(each)), reverse=True):
+        reader = _reader(lines[place : place + _LOOKED_AT], delimiter)
         try:
-            row = next(reader, [])
+            row: list[str] = next(reader, [])
         except csv.Error:
             continue
         names = [name.strip() for name in row]
@@ -144,7 +145,7 @@ def _fits(head: tuple[tuple[str, ...], str, int], lines: Sequence[str], *, is_fi
     if columns[0].startswith(_COMMENTS) or _are_numbers(columns):
         return False
     try:
-        rows = [row for row in islice(csv.reader(lines[place:], delimiter=delimiter), _LOOKED_AT) if any(row)]
+        rows = [row for row in islice(_reader(lines[place:], delimiter), _LOOKED_AT) if any(row)]
     except csv.Error:
         return False
     rows = [row for row in rows if not row[0].startswith(_COMMENTS)]
@@ -155,6 +156,11 @@ def _fits(head: tuple[tuple[str, ...], str, int], lines: Sequence[str], *, is_fi
     return bool(rows) and 2 * len(alike) >= len(rows) and (is_first or has_values)
 
 
+def _reader(lines: Iterable[str], delimiter: str) -> Any:
+    """A reader of CSV; several blanks part columns as one does."""
+    return csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter == " ")
+
+
 def _headless(
     lines: Sequence[str], start: int, columns: tuple[str, ...], delimiters: Sequence[str]
 ) -> tuple[tuple[str, ...], str, int] | None:
@@ -162,7 +168,7 @@ def _headless(
     rows = [line for line in lines[start:] if line.strip() and not line.startswith(_COMMENTS)]
     if not rows:
         return None
-    return columns, max(delimiters, key=rows[0].count), start
+    return columns, max(delimiters, key=lambda each: (each != " " and each in rows[0], rows[0].count(each))), start
 
 
 def _decimal_of(lines: Sequence[str], delimiter: str) -> str:
@@ -178,4 +184,6 @@ def _decimal_of(lines: Sequence[str], delimiter: str) -> str:
 
 
 def _are_numbers(columns: tuple[str, ...]) -> bool:
-    return all(text.replace(".", "", 1).replace("-", "", 1).isdigit() for text in columns if text)
+    """True when half of the cells or more are numbers, dates or times: no line of names."""
+    cells = [text for text in columns if text]
+    return 2 * sum(_VALUE.fullmatch(text) is not None for text in cells) >= len(cells)

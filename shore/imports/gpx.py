@@ -1,6 +1,6 @@
 """Reader of GPX tracks: each `trkpt` with a time is a fix; routes and waypoints are counted.
 
-Segments are put in order of their first times: devices write the current track before the saved ones.
+Points are put in order of time: devices write the current track before the saved ones, some the newest point first.
 """
 
 from collections.abc import Callable, Iterator
@@ -39,7 +39,7 @@ class GpxReader:
     def records(self) -> Iterator[ForeignRecord]:
         """Records: one for each point of a track that has a time. Raises WayfixError for a track without any time."""
         points = GpxPoints(self._path, self._progress)
-        timed: dict[int, list[ForeignRecord]] = {}
+        timed: list[ForeignRecord] = []
         seen: set[tuple[int, str | None, str | None]] = set()
         count = 0
         for point in points:
@@ -51,15 +51,14 @@ class GpxReader:
                 self.account.ignored["the same point again"] += 1
                 continue
             seen.add((record.t_ns, point.lat, point.lon))
-            timed.setdefault(point.segment, []).append(record)
+            timed.append(record)
         self.account.ignored.update({_OTHERS[kind]: number for kind, number in points.skipped.items()})
         if points.cut is not None:
             self.notes.append(f"the file is {points.cut}")
         if count and not timed:
             what = "is a track whose points have no times: a drawing, no recording"
             raise WayfixError(what, str(self._path), "give the track that the device recorded")
-        for segment in sorted(timed.values(), key=lambda records: records[0].t_ns or 0):
-            yield from segment
+        yield from sorted(timed, key=lambda record: record.t_ns or 0)
 
     def measure(self, record: ForeignRecord, t_ns: int) -> Iterator[Measurement]:
         """The fix of a point."""
@@ -95,6 +94,8 @@ class GpxReader:
         lat_deg, lon_deg = _number(point.lat, "lat", -90.0, 90.0), _number(point.lon, "lon", -180.0, 180.0)
         if lat_deg is None or lon_deg is None:
             raise Rejected("no place")
+        if lat_deg == lon_deg == 0.0:
+            raise Rejected("place 0, 0: what a receiver without a fix writes")
         speed_m_s = _number(point.speed, "speed", 0.0, 500.0)
         fix = (point.fix or "").casefold()
         return Fix(

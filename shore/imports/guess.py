@@ -30,6 +30,8 @@ _LEAST_SHARE: Final = 0.8
 """Share of a column's cells that must be of the kind its name says."""
 _RAD: Final = 57.29577951308232
 _MOST_RAD: Final = 6.2832
+_DECIMALS: Final = 4
+"""So many decimals a place has, where no name tells it."""
 _WHOLE_DEGREES: Final = 1_000_000
 """Whole numbers from here on are 1e-7 deg (MAVLink)."""
 
@@ -61,7 +63,7 @@ class Proposal:
 def proposed(path: Path) -> Proposal:
     """A mapping that reads the table; raises WayfixError for a table of which no column can be told."""
     file, shape = _opened(path)
-    time = time_of(file)
+    time = time_of(file, by_name=not shape)
     if time is None:
         raise WayfixError("has no column that looks like a time", str(path), _by_hand(file))
     boat = re.sub(r"[^A-Za-z0-9_-]+", "-", path.stem).strip("-")[:32] or "boat"
@@ -89,7 +91,11 @@ def _opened(path: Path) -> tuple[TableFile, dict[str, Any]]:
     except WayfixError:
         pass
     probe = TableFile(path, TableShape(columns=("c1",)), ())
-    width = max((len(row) for row in probe.raw_rows()), default=0)
+    rows = probe.raw_rows()
+    width = max(map(len, rows), default=0)
+    if rows and 1 < len(rows[0]) < width and not any(map(str.isdigit, rows[0])):
+        what = f"has {width} fields in a row for {len(rows[0])} names: are its decimal commas not quoted?"
+        raise WayfixError(what, str(path), "export it with semicolons between the columns, or with decimal points")
     if width < 2:
         raise WayfixError("is no table", str(path), "give a CSV file with a line of column names")
     columns = tuple(f"c{number}" for number in range(1, width + 1))
@@ -107,6 +113,8 @@ def _add_fix(proposal: Proposal, file: TableFile, used: set[str]) -> None:
     fix: dict[str, Any] = {}
     lat = _first(file, candidates(columns, "lat"), used)
     lon = _first(file, candidates(columns, "lon"), used)
+    if "table" in proposal.tables:
+        lat, lon = _pair(file, used)
     if lat is not None and lon is not None:
         fix = {"lat": lat, "lon": lon}
         used |= {lat, lon}
@@ -115,6 +123,8 @@ def _add_fix(proposal: Proposal, file: TableFile, used: set[str]) -> None:
                 fix["scale"] = 1e-7
         else:
             fix |= _letters(file, fix, used)
+        if fix.get("packed"):
+            proposal.comments["fix", "packed"] = "ddmm.mmmm? For minutes alone: scale = 0.01666667 instead"
     else:
         place = _first_place(file, candidates(columns, "place"))
         if place is None:
@@ -134,6 +144,20 @@ def _add_fix(proposal: Proposal, file: TableFile, used: set[str]) -> None:
         proposal.comments["fix", "sog"] = "knots? sog_scale = 1.943844 for m/s, 0.5399568 for km/h"
     if "cog" in fix:
         _set_angle(proposal, file, ("fix", "cog", "cog_scale"))
+
+
+def _pair(file: TableFile, used: set[str]) -> tuple[str | None, str | None]:
+    """The first two columns side by side, without names, that may be latitude and longitude."""
+    for lat, lon in pairwise(name for name in file.table.columns if name not in used):
+        texts = [(row[lat], row[lon]) for row in file.sample]
+        values = _values(file, lat), _values(file, lon)
+        if (
+            all(len(each.replace(",", ".").partition(".")[2]) >= _DECIMALS for pair in texts[:20] for each in pair)
+            and all(map(len, values))
+            and max(map(abs, values[0])) <= 90.0
+        ):
+            return lat, lon
+    return None, None
 
 
 def _letters(file: TableFile, fix: dict[str, Any], used: set[str]) -> dict[str, Any]:
@@ -211,13 +235,16 @@ def _compare(proposal: Proposal, path: Path) -> None:
         findings = check.findings()
         for finding in findings:
             _correct(proposal, finding, mapping)
-        if all(finding.factor in (1.0, None) for finding in findings):
+        if all(finding.factor in {1.0, None} for finding in findings):
             break
     proposal.above += [words for account in reader.accounts if (words := account.too_little()) is not None]
 
 
 def _correct(proposal: Proposal, finding: Doubt, mapping: ColumnMap) -> None:
     table = {"sog_scale": "fix", "scale": "heading", "heading": "heading"}.get(finding.key, "imu")
+    if finding.factor is None and finding.key == "lat":
+        proposal.above.append(f"Look at lat and lon: {finding.text}")
+        return
     if finding.factor is None:
         column = "column" if finding.key == "heading" else finding.key
         proposal.comments[table, column] = finding.text

@@ -20,7 +20,7 @@ NAMES: Final[dict[str, str]] = {
     "place": r"position|coordinates?|coords?|lat ?lon|lat ?long|location|latitude longitude",
     "sog": r"sog|speed|spd|gps speed|gspeed|g ?speed|ground ?speed|speed over ground|fahrt|fahrt über grund|"
     r"geschwindigkeit|"
-    r"vitesse|velocidad|velocity|vel|speed 2d|horizontal speed|speed m s|speed ms|speed kn|speed kmh",
+    r"vitesse|velocidad|velocity|vel|speed 2d|horizontal speed|knots|kts|kn|kmh|kph|mph",
     "cog": r"cog|course|crs|gcrs|g ?crs|track|track true|course over ground|ground ?course|kurs|kurs über grund|"
     r"rumbo|route|course true|heading ?motion|head ?mot|bearing",
     "heading": r"heading|hdg|hdt|hdm|yaw|compass|kompass|compass heading|magnetic heading|true heading|heading true|"
@@ -41,7 +41,7 @@ _UNIT_WORDS: Final = re.compile(
     r"\s+(deg|degrees|rad|kn|kts|knots|kmh|km h|mph|m s|mps|ms|m|ft|g|dps|deg s|rad s|m s2|mps2|s|us|e7|cm s|true)$"
 )
 _OTHERS: Final = re.compile(
-    r"\b(wind|water|stw|acc(uracy)?|std|sigma|cov\w*|error|err|rate|dot|target|desired|setpoint|sp|des|var\w*|raw|"
+    r"\b(wind|water|stw|acc(uracy)?|std|sigma|cov\w*|error|err|rate|dot|target|desired|setpoint|sp|des|var\w*|"
     r"depth|temp\w*|vertical|climb|age|delay|mag [xyz])\b"
 )
 _RATES: Final = ("yaw_rate", "accel_fwd", "accel_stb")
@@ -73,4 +73,9 @@ def _forms(text: str) -> list[str]:
     while (shorter := _PREFIXES.sub("", forms[-1])) != forms[-1]:
         forms += [shorter]
     words = forms[1].split()
-    return [*dict.fromkeys([*forms, *(" ".join(words[-count:]) for count in (3, 2) if len(words) > count)])]
+    return [*dict.fromkeys([*forms, *(" ".join(words[-count:]) for count in (3, 2, 1) if _is_longer(words, count))])]
+
+
+def _is_longer(words: Sequence[str], count: int) -> bool:
+    """True when the last `count` words may be the name and the others a prefix: single letters are no name then."""
+    return len(words) > count and (count > 1 or len(words[-1]) > 2)

@@ -23,6 +23,9 @@ _LEAST_SHARE: Final = 0.9
 _EPOCHS: Final = ((3e17, 1e-9), (3e14, 1e-6), (3e11, 1e-3), (3e8, 1.0))
 """Smallest number since 1970 in each unit, and the seconds in it."""
 _NANOSECONDS: Final = re.compile(r"\b(nsecs?|nanosecs?|nanoseconds)$")
+_CLOCK: Final = re.compile(r"[0-2][0-9][0-5][0-9][0-5][0-9](\.[0-9]*)?")
+"""A time of day without anything between its parts: 100800.00."""
+_AMERICAN: Final = re.compile(r"^[1-9]/|/[1-9]/|[AP]M$")
 _EXCEL: Final = (20_000.0, 80_000.0)
 """Days of Excel from 1954 to 2119."""
 
@@ -35,9 +38,9 @@ class TimeGuess(NamedTuple):
     """A comment for a person on each key that is not sure."""
 
 
-def time_of(file: TableFile) -> TimeGuess | None:
-    """What the time of a table is; `None` = no column looks like one."""
-    named = candidates(file.table.columns, "time")
+def time_of(file: TableFile, *, by_name: bool = True) -> TimeGuess | None:
+    """What the time of a table is; `None` = no column looks like one. by_name: False = names say nothing."""
+    named = candidates(file.table.columns, "time") if by_name else list(file.table.columns)
     numbers = [(column, values) for column in named if (values := _numbers(file, column))]
     for column, values in numbers:
         if (guess := _since_1970(file, column, values)) is not None:
@@ -57,8 +60,10 @@ def time_of(file: TableFile) -> TimeGuess | None:
 
 def _text(file: TableFile, column: str, named: Sequence[str]) -> TimeGuess | None:
     texts = _texts(file, column)
-    if not texts or (sum(_is_number(text) for text in texts) == len(texts) and not _is_packed_date(file, column)):
+    if not texts:
         return None
+    if all(map(_is_number, texts)) and not _is_packed_date(file, column):
+        return _time_of_day(file, column) if all(map(_CLOCK.fullmatch, texts)) else None
     if _fits(file, {"column": column, "format": "iso"}):
         has_zone = texts[0].rstrip()[-1:] in ("Z", "C") or "+" in texts[0]
         unsure = {} if has_zone or _says_utc(column) else {"utc": "is it UTC? else utc = false"}
@@ -79,12 +84,10 @@ def _text(file: TableFile, column: str, named: Sequence[str]) -> TimeGuess | Non
                 if _fits(file, keys)
             ]
     if not fitting:
-        return None
-    # Where both orders run alike, a.m. and p.m. speak for the month first.
-    keys, _ = min(
-        fitting,
-        key=lambda each: (_span_ns(file, each[0]), each[1].startswith("%m") != ("%p" in each[0]["format"])),
-    )
+        return _time_of_day(file, column)
+    # Where both orders run alike, a.m. and p.m., and numbers without leading zeros, speak for the month first.
+    is_american = any(_AMERICAN.search(text) for text in texts[:200])
+    keys, _ = min(fitting, key=lambda each: (_span_ns(file, each[0]), each[1].startswith("%m") != is_american))
     unsure = {}
     if len({other for _, other in fitting}) > 1:
         both = " or ".join(sorted({other for _, other in fitting}))
@@ -92,6 +95,15 @@ def _text(file: TableFile, column: str, named: Sequence[str]) -> TimeGuess | Non
     if not any(_says_utc(name) for name in (keys["column"], *keys.get("more", ()))):
         unsure["utc"] = "is it UTC? else utc = false"
     return _spread(TimeGuess({**keys, "utc": True}, unsure), _times(file, keys))
+
+
+def _time_of_day(file: TableFile, column: str) -> TimeGuess | None:
+    """A time without a day."""
+    for form in _TIMES:
+        keys: dict[str, Any] = {"column": column, "format": form, "wraps_s": 86_400.0}
+        if _fits(file, keys):
+            return _spread(TimeGuess(keys, {"format": "no day: the log has no date"}), _times(file, keys))
+    return None
 
 
 def _since_1970(file: TableFile, column: str, values: Sequence[float]) -> TimeGuess | None:

@@ -6,26 +6,19 @@ of the places are compared with the speed and heading that are given. A factor n
 sign.
 """
 
-from array import array
-from dataclasses import dataclass, field
 from itertools import chain
 from math import degrees
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.framer import ImuSample, Measurement
 from common.geodesy import LocalPlane
 from common.messages import Fix, Frame, Heading, TurnRate
 from common.simulation.column_map import ColumnMap
 from common.units import M_S_PER_KN, NS_PER_S, STANDARD_GRAVITY_M_S2
+from shore.imports.window_means import LEAST_WINDOWS, WINDOW_S, Array, Series, WindowMeans, factor_between
 
-Array = NDArray[np.float64]
-
-WINDOW_S: Final = 4.0
-LEAST_WINDOWS: Final = 8
-"""So many pairs of windows at least; with fewer nothing is said."""
 LEAST_SHARE: Final = 0.6
 """Least share of the changes that one factor must explain (r^2)."""
 UNRELATED: Final = 0.3
@@ -34,8 +27,6 @@ FAST_M_S: Final = 3.0
 """Median speed below which the noise of the places makes the course uncertain, so that no heading is judged by it."""
 NEAR: Final = 1.3
 """A factor counts as one of the candidates when it lies within this ratio of it."""
-LONGEST_TURN: Final = 10
-"""So many windows at most are summed up for a person to see."""
 _RAD: Final = degrees(1.0)
 _G: Final = STANDARD_GRAVITY_M_S2
 _KN: Final = 1.0 / M_S_PER_KN
@@ -70,7 +61,18 @@ _SPEED: Final = (
     Cause(M_S_PER_KN, "was it turned into knots twice?"),
     Cause(1609.344 / 1852.0, "is it in mph?"),
 )
-_HEADING: Final = (Cause(_RAD, "is it in radians?"), Cause(-1.0, "does it count anticlockwise, from east?"))
+_MIRRORS: Final = (
+    (90.0, "are latitude and longitude swapped?"),
+    (0.0, "has the longitude the wrong sign (W is negative)?"),
+    (180.0, "has the latitude the wrong sign (S is negative)?"),
+)
+"""Sum of true and mirrored course, deg."""
+FAR_OFF_DEG: Final = 45.0
+NEAR_DEG: Final = 20.0
+_HEADING: Final = (
+    Cause(_RAD, "is it in radians?"),
+    Cause(-1.0, "does it count anticlockwise, from east, or has lat or lon the wrong sign?"),
+)
 
 
 class Doubt(NamedTuple):
@@ -84,28 +86,11 @@ class Doubt(NamedTuple):
     """Factor by which the quantity must be multiplied, 1 = it agrees with the others; `None` = no factor cures it."""
 
 
-@dataclass(slots=True)
-class _Series:
-    """A quantity in time."""
-
-    t_ns: "array[int]" = field(default_factory=lambda: array("q"))
-    value: "array[float]" = field(default_factory=lambda: array("d"))
-
-    def add(self, t_ns: int, value: float) -> None:
-        # A frame that came late says nothing new of a unit.
-        if not self.t_ns or t_ns > self.t_ns[-1]:
-            self.t_ns.append(t_ns)
-            self.value.append(value)
-
-    def arrays(self, start_ns: int) -> tuple[Array, Array]:
-        return (np.asarray(self.t_ns) - start_ns) / NS_PER_S, np.asarray(self.value)
-
-
 class MeaningCheck:
     """Gathers what frames say of the motion: of each quantity the first sensor that speaks of it."""
 
     def __init__(self) -> None:
-        self._series: dict[str, _Series] = {}
+        self._series: dict[str, Series] = {}
         self._sensor: dict[str, str] = {}
         self._plane: LocalPlane | None = None
 
@@ -144,11 +129,13 @@ class MeaningCheck:
         ends = [series.t_ns[-1] for series in self._series.values()]
         if not starts or max(ends) - min(starts) < LEAST_WINDOWS * WINDOW_S * NS_PER_S:
             return []
-        means = _Means(self._series, min(starts), max(ends))
+        means = WindowMeans(self._series, min(starts), max(ends))
         turn = _yaw_rate_doubt(means)
         is_turned = turn is not None and turn.factor is not None and turn.factor < 0.0
         found = [_heading_doubt(means), turn, _forward_doubt(means), _starboard_doubt(means, is_turned=is_turned)]
-        found += [_speed_doubt(means)]
+        found.append(_speed_doubt(means))
+        if (mirrored := _mirror_doubt(means)) is not None:
+            found[0] = mirrored  # by such places no heading can be judged
         found += [_axis_doubt(self._series, name) for name in ("accel_fwd", "accel_stb", "yaw_rate")]
         return [doubt for doubt in found if doubt is not None]
 
@@ -161,78 +148,11 @@ class MeaningCheck:
         self._add("east", fix.sensor, fix.t_ns, east_m)
         self._add("north", fix.sensor, fix.t_ns, north_m)
         self._add("sog", fix.sensor, fix.t_ns, fix.sog_kn)
+        self._add("cog", fix.sensor, fix.t_ns, fix.cog_true_deg)
 
     def _add(self, name: str, sensor: str, t_ns: int, value: float | None) -> None:
         if value is not None and self._sensor.setdefault(name, sensor) == sensor:
-            self._series.setdefault(name, _Series()).add(t_ns, value)
-
-
-class _Means:
-    """Window means of each quantity, (n,): NaN where it did not speak twice in a window."""
-
-    def __init__(self, series: dict[str, _Series], start_ns: int, end_ns: int) -> None:
-        self.edges = np.arange(0.0, (end_ns - start_ns) / NS_PER_S + WINDOW_S, WINDOW_S)
-        self.of: dict[str, Array] = {}
-        for name, each in series.items():
-            t_s, values = each.arrays(start_ns)
-            if len(t_s) < 2:
-                continue
-            if name == "heading":
-                values = np.degrees(np.unwrap(np.radians(values)))
-            self.of[name] = self._means(t_s, values)
-            if name in ("yaw_rate", "accel_fwd", "accel_stb"):
-                self.of["sum of " + name] = self._means(t_s, _integral(t_s, values), t_s)
-        if {"east", "north"} <= self.of.keys():
-            self.v_east, self.v_north = (np.diff(self.of[name]) / WINDOW_S for name in ("east", "north"))
-
-    def changes(self, name: str) -> Array | None:
-        """Change of a quantity from each window to the next, (n - 1,)."""
-        return np.diff(self.of[name]) if name in self.of else None
-
-    def _means(self, t_s: Array, values: Array, counted_s: Array | None = None) -> Array:
-        spoke = np.histogram(t_s if counted_s is None else counted_s, self.edges)[0] >= 2
-        means = np.diff(np.interp(self.edges, t_s, _integral(t_s, values))) / WINDOW_S
-        # Outside its own time the integral stands still.
-        whole = (self.edges[:-1] >= t_s[0] - WINDOW_S / 8) & (self.edges[1:] <= t_s[-1] + WINDOW_S / 8)
-        return np.where(spoke & whole, means, np.nan)
-
-
-class _Fit(NamedTuple):
-    factor: float
-    share: float
-    """Share of the changes that the factor explains."""
-    longest: tuple[float, float]
-    """Both quantities over the stretch in which the right one changed most."""
-
-
-def _integral(t_s: Array, values: Array) -> Array:
-    return np.concatenate(([0.0], np.cumsum(np.diff(t_s) * (values[1:] + values[:-1]) / 2.0)))
-
-
-def _fit(right: Array | None, doubted: Array | None, least: float) -> _Fit | None:
-    """Factor from the doubted changes to the right ones (least squares); `None` = too little moved."""
-    if right is None or doubted is None:
-        return None
-    both = np.isfinite(right) & np.isfinite(doubted)
-    if both.sum() < LEAST_WINDOWS or float(np.std(right[both])) < least:
-        return None
-    y, x = right[both] - np.mean(right[both]), doubted[both] - np.mean(doubted[both])
-    power = float(np.dot(x, x))
-    if power == 0.0:
-        return None
-    factor = float(np.dot(x, y)) / power
-    share = factor * float(np.dot(x, y)) / float(np.dot(y, y))
-    return _Fit(factor, share, _longest(right[both], doubted[both]))
-
-
-def _longest(right: Array, doubted: Array) -> tuple[float, float]:
-    """Both over the stretch of up to `LONGEST_TURN` windows in which the first changed most."""
-    stretches = [
-        (float(np.sum(right[place : place + count])), float(np.sum(doubted[place : place + count])))
-        for count in range(1, min(LONGEST_TURN, len(right)) + 1)
-        for place in (int(np.argmax(np.abs(np.convolve(right, np.ones(count), "valid")))),)
-    ]
-    return max(stretches, key=lambda both: abs(both[0]))
+            self._series.setdefault(name, Series()).add(t_ns, value)
 
 
 def _cause(factor: float, causes: tuple[Cause, ...], near: float = NEAR) -> Cause | None:
@@ -241,12 +161,12 @@ def _cause(factor: float, causes: tuple[Cause, ...], near: float = NEAR) -> Caus
     return min(alike, key=lambda cause: abs(np.log(factor / cause.factor)), default=None)
 
 
-def _yaw_rate_doubt(means: _Means) -> Doubt | None:
+def _yaw_rate_doubt(means: WindowMeans) -> Doubt | None:
     """Against the heading, or where there is none against the course of the places."""
-    fit = _fit(means.changes("heading"), means.changes("sum of yaw_rate"), 2.0)
+    fit = factor_between(means.changes("heading"), means.changes("sum of yaw_rate"), 2.0)
     name = "heading"
     if "heading" not in means.of:
-        fit, name = _fit(*_beside_course(means, "sum of yaw_rate"), 5.0), "course"
+        fit, name = factor_between(*_beside_course(means, "sum of yaw_rate"), 5.0), "course"
     cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _YAW_RATE)
     if fit is None or cause is None:
         return None
@@ -255,9 +175,9 @@ def _yaw_rate_doubt(means: _Means) -> Doubt | None:
     return Doubt(text, "yaw_rate_scale", cause.factor)
 
 
-def _forward_doubt(means: _Means) -> Doubt | None:
+def _forward_doubt(means: WindowMeans) -> Doubt | None:
     speed = means.changes("sog")
-    fit = _fit(None if speed is None else speed * M_S_PER_KN, means.changes("sum of accel_fwd"), 0.3)
+    fit = factor_between(None if speed is None else speed * M_S_PER_KN, means.changes("sum of accel_fwd"), 0.3)
     cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _ACCELERATION)
     if fit is None or cause is None:
         return None
@@ -266,7 +186,7 @@ def _forward_doubt(means: _Means) -> Doubt | None:
     return Doubt(text, "accel_scale", cause.factor)
 
 
-def _starboard_doubt(means: _Means, *, is_turned: bool) -> Doubt | None:
+def _starboard_doubt(means: WindowMeans, *, is_turned: bool) -> Doubt | None:
     """Centripetal acceleration: speed times turn.
 
     A hull that heels hides or reverses it at low speed, so a wrong sign is believed of a box whose yaw rate has it too.
@@ -277,7 +197,7 @@ def _starboard_doubt(means: _Means, *, is_turned: bool) -> Doubt | None:
     if turn is None or speed is None:
         return None
     sideways = np.radians(turn) * (speed[1:] + speed[:-1]) / 2.0 * M_S_PER_KN
-    fit = _fit(sideways, means.changes("sum of accel_stb"), 0.1)
+    fit = factor_between(sideways, means.changes("sum of accel_stb"), 0.1)
     cause = None if fit is None or fit.share < LEAST_SHARE else _cause(fit.factor, _ACCELERATION)
     if fit is None or cause is None or (cause.factor < 0.0 and not is_turned):
         return None
@@ -288,7 +208,7 @@ def _starboard_doubt(means: _Means, *, is_turned: bool) -> Doubt | None:
     return Doubt(text, "accel_stb_scale", cause.factor)
 
 
-def _speed_doubt(means: _Means) -> Doubt | None:
+def _speed_doubt(means: WindowMeans) -> Doubt | None:
     if "sog" not in means.of or not hasattr(means, "v_east"):
         return None
     moved = np.hypot(means.v_east, means.v_north) / M_S_PER_KN
@@ -307,9 +227,9 @@ def _speed_doubt(means: _Means) -> Doubt | None:
     return Doubt(text, "sog_scale", cause.factor)
 
 
-def _heading_doubt(means: _Means) -> Doubt | None:
+def _heading_doubt(means: WindowMeans) -> Doubt | None:
     """Heading against the course of the places: leeway and current are small beside a wrong unit."""
-    fit = _fit(*_beside_course(means, "heading"), 5.0)
+    fit = factor_between(*_beside_course(means, "heading"), 5.0)
     if fit is None:
         return None
     turned, said = fit.longest
@@ -323,7 +243,7 @@ def _heading_doubt(means: _Means) -> Doubt | None:
     return None
 
 
-def _beside_course(means: _Means, name: str) -> tuple[Array | None, Array | None]:
+def _beside_course(means: WindowMeans, name: str) -> tuple[Array | None, Array | None]:
     """Changes of the course of the places, deg, and of a quantity beside them; only at 1 m/s and more."""
     if name not in means.of or not hasattr(means, "v_east"):
         return None, None
@@ -337,7 +257,28 @@ def _beside_course(means: _Means, name: str) -> tuple[Array | None, Array | None
     return np.diff(turned)[beside], np.diff(values[good])[beside]
 
 
-def _axis_doubt(series: dict[str, _Series], name: str) -> Doubt | None:
+def _mirror_doubt(means: WindowMeans) -> Doubt | None:
+    """Course of the places against the receiver's own: a sum of both that stays is a mirrored map."""
+    if "cog" not in means.of or not hasattr(means, "v_east"):
+        return None
+    course = np.degrees(np.arctan2(means.v_east, means.v_north))
+    said = (means.of["cog"][1:] + means.of["cog"][:-1]) / 2.0
+    good = np.isfinite(course) & np.isfinite(said) & (np.hypot(means.v_east, means.v_north) > 1.0)
+    if good.sum() < LEAST_WINDOWS or _off(course[good] - said[good]) < FAR_OFF_DEG:
+        return None
+    for whole_deg, guess in _MIRRORS:
+        if _off(course[good] + said[good] - whole_deg) < NEAR_DEG:
+            text = f"the places move to {course[good][0] % 360:.0f} deg where the course says {said[good][0] % 360:.0f}"
+            return Doubt(f"{text}: {guess}", "lat", None)
+    return None
+
+
+def _off(angles_deg: Array) -> float:
+    """Median size of angles, deg."""
+    return float(np.median(np.abs((angles_deg + 180.0) % 360.0 - 180.0)))
+
+
+def _axis_doubt(series: dict[str, Series], name: str) -> Doubt | None:
     """An axis that shows gravity all the time is the vertical one; one that never changes is no sensor."""
     values = np.asarray(series[name].value) if name in series else np.zeros(0)
     if len(values) < LEAST_WINDOWS:
@@ -359,6 +300,8 @@ def words_of(doubt: Doubt, mapping: ColumnMap | None) -> str:
 
 
 def _cure(doubt: Doubt, mapping: ColumnMap) -> str:
+    if doubt.key == "lat":
+        return "correct lat and lon of [fix]"
     if doubt.factor is None:
         return f"give {doubt.key} the right column, or leave it out"
     return ", ".join(f"{key} = {value:.7g}" for key, value in cured(doubt, mapping).items())

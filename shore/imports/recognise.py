@@ -99,7 +99,8 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
         return RecordingKind.FRAMES
     _refuse_magic(path, head)
     is_utf16 = encoding_of(head) == UTF16
-    head = decoded(head).encode() if is_utf16 else head
+    # A logger that loses its power leaves zeros behind the text.
+    head = decoded(head).encode() if is_utf16 else head.rstrip(b"\0")
     lines = [line for line in re.split(rb"[\r\n]+", head) if line.strip()]
     if not lines:
         raise WayfixError("there is nothing in it", str(path), "give a recording")
@@ -217,7 +218,7 @@ def _is_server_line(line: bytes) -> bool:
 
 def _is_binary(head: bytes) -> bool:
     strange = sum(byte < 9 or 13 < byte < 32 for byte in head)
-    return b"\0" in head or 20 * strange > len(head)
+    return 100 * head.count(0) > len(head) or 20 * strange > len(head)
 
 
 def _refuse_text(path: Path, head: bytes, lines: list[bytes]) -> None:

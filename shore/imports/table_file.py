@@ -61,7 +61,8 @@ class TableFile:
             lines = decoded(stream.read(HEAD_BYTES), self.table.encoding).splitlines()[self.table.first_line :][
                 :SAMPLED
             ]
-        return list(csv.reader(lines, delimiter=self.table.delimiter))
+        delimiter = self.table.delimiter
+        return list(csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter == " "))
 
     def is_units(self, cells: Cells) -> bool:
         """True for the row below the head that holds the units."""

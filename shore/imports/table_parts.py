@@ -8,7 +8,7 @@ from common.geodesy import LocalPlane
 from common.messages import Fix, Heading, TurnRate
 from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns
 from common.units import NS_PER_MS
-from shore.imports.cell_columns import Cells, NumberColumn, PlaceColumns
+from shore.imports.cell_columns import BadCell, Cells, NumberColumn, PlaceColumns
 from shore.imports.gpsd import DAY_MS
 from shore.imports.line_counts import Rejected
 from shore.imports.table_file import TableFile
@@ -48,6 +48,7 @@ class _FixPart:
 
     def __init__(self, fix: FixColumns, file: TableFile) -> None:
         self.held, self.notes = fix.held, _noise(fix.noise_m)
+        self._name = fix.place or f"{fix.lat} and {fix.lon}"
         self._plane: LocalPlane | None = None
         if fix.origin_lat_deg is not None and fix.origin_lon_deg is not None:
             self._plane = LocalPlane(fix.origin_lat_deg, fix.origin_lon_deg)
@@ -71,6 +72,8 @@ class _FixPart:
         place = self._places.read(cells) if self._plane is None else self._on_plane(self._plane, cells)
         if place is None:
             return None
+        if place == (0.0, 0.0):
+            raise BadCell("place 0, 0: what a receiver without a fix writes", self._name, "0, 0")
         mode, course = _value(self._mode, cells), _value(self._cog, cells)
         return place, Fix(
             sensor="gps1",

@@ -21,7 +21,6 @@ _OF_POINT: Final = ("time", "ele", "speed", "course", "fix", "magvar")
 class GpxPoint(NamedTuple):
     """A `trkpt` as it is written; missing is `None`."""
 
-    segment: int
     line: int
     lat: str | None
     lon: str | None
@@ -78,7 +77,6 @@ class _Parser:
         self._expat.CharacterDataHandler = self._text
         self._expat.StartDoctypeDeclHandler = self._refuse
         self._path: list[str] = []
-        self._segment = 0
         self._place: tuple[str | None, str | None] | None = None
         self._line = 0
         self._values: dict[str, str] = {}
@@ -107,9 +105,7 @@ class _Parser:
         if len(self._path) > DEEPEST:
             raise self._refusal(f"nests its elements deeper than {DEEPEST}", "this is no track")
         self._words = ""
-        if name == "trkseg":
-            self._segment += 1
-        elif name == "trkpt":
+        if name == "trkpt":
             self._place = attributes.get("lat"), attributes.get("lon")
             self._line = self._expat.CurrentLineNumber
             self._values = {}
@@ -124,7 +120,7 @@ class _Parser:
         name = self._path.pop()
         if name == "trkpt" and self._place is not None:
             values = {key: self._values.get(key) for key in ("time", "ele", "speed", "course", "fix")}
-            self._taken.append(GpxPoint(self._segment, self._line, *self._place, **values))
+            self._taken.append(GpxPoint(self._line, *self._place, **values))
             self._place = None
         elif self._place is not None and name in _OF_POINT and self._words.strip():
             self._values.setdefault(name, self._words.strip())

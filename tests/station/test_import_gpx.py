@@ -46,6 +46,11 @@ def test_the_newest_segment_first_and_a_segment_twice(importer: Importer) -> Non
     assert imported.code == 0
 
 
+def test_the_newest_point_first(importer: Importer) -> None:
+    imported = importer.text(gpx(point(2, 42.2) + point(1, 42.1) + point(0, 42.0)))
+    assert [fix.lat_deg for fix in imported.fixes] == [42.0, 42.1, 42.2]
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
 def test_any_encoding_of_xml(encoding: str, importer: Importer) -> None:
     text = gpx(point(0, 42.0) + point(1, 42.1)).replace('"1.0"?', f'"1.0" encoding="{encoding}"?')

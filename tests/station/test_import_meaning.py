@@ -82,7 +82,7 @@ def voyage(seed: int, **factors: float) -> list[Doubt]:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_a_healthy_voyage_is_not_doubted(seed: int) -> None:
     assert voyage(seed) == []
 
@@ -99,7 +99,7 @@ def test_a_healthy_voyage_is_not_doubted(seed: int) -> None:
     ],
 )  # fmt: skip
 def test_a_wrong_unit_or_sign_is_named(name: str, said: float, key: str, factor: float) -> None:
-    for seed in range(5):
+    for seed in range(3):
         found = {doubt.key: doubt.factor for doubt in voyage(seed, **{name: said})}
         assert found[key] == pytest.approx(factor, rel=1e-5), seed
         # A wrong heading makes what is measured by it wrong too.
@@ -108,3 +108,29 @@ def test_a_wrong_unit_or_sign_is_named(name: str, said: float, key: str, factor:
 
 def test_a_gyro_that_never_changes_is_named() -> None:
     assert voyage(1, yaw_rate=0.0)[-1].text.startswith("yaw_rate is 0 in all 2000 samples")
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "guess"),
+    [
+        ("north", "-east", "longitude the wrong sign"), ("-north", "east", "latitude the wrong sign"),
+        ("east", "north", "swapped"),
+    ],
+)  # fmt: skip
+def test_a_mirrored_map_is_named(lat: str, lon: str, guess: str, importer: Importer) -> None:
+    draw = np.random.default_rng(3)
+    course = 120.0 + 30.0 * np.sin(np.arange(120) / 20.0)
+    way = {
+        "east": np.cumsum(2.5 * np.sin(np.radians(course))) / 111_195,
+        "north": np.cumsum(2.5 * np.cos(np.radians(course))) / 111_195,
+    }
+    way |= {f"-{name}": -values for name, values in way.items()}
+    text = "t,lat,lon,cog\n" + "".join(
+        f"{1.7e9 + k},{way[lat][k]:.7f},{way[lon][k]:.7f},{course[k] + draw.normal(0, 3):.1f}\n" for k in range(120)
+    )
+    (importer.directory / "map.toml").write_text(
+        '[boat]\nid = "b"\n[time]\ncolumn = "t"\nunix = true\n[fix]\nlat = "lat"\nlon = "lon"\ncog = "cog"\n'
+    )
+    imported = importer.text(text, "--map", str(importer.directory / "map.toml"), name="in.csv")
+    (note,) = imported.summary["notes"]
+    assert guess in note

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -241,6 +242,7 @@ def test_less_than_half_used_is_exit_code_one(importer: Importer) -> None:
 
 
 @needs_cases
+@pytest.mark.slow
 def test_slow_no_compass(importer: Importer) -> None:
     imported = importer(SHORE / "slow-no-compass.nmea", filters="fuzzy")
     assert imported.summary["aligned"] or "no estimate is valid: the filters waited for" in imported.words
@@ -250,3 +252,32 @@ def test_no_position_is_why_there_are_no_estimates(importer: Importer) -> None:
     (importer.directory / "map.toml").write_text(ISO_TIME + '[heading]\ncolumn = "sog"\n')
     imported = importer.text(HEAD + ROWS, "--map", str(importer.directory / "map.toml"), name="in.csv", filters="fuzzy")
     assert "there is no position in it" in imported.words
+
+
+def test_a_place_without_a_fix_and_a_tail_of_zeros(importer: Importer) -> None:
+    text = HEAD + "2026-05-12 10:07:59,0,0,0\n" + ROWS + "\0" * 700
+    imported = mapped(importer, text, ISO_TIME + PLACE)
+    assert len(imported.fixes) == 2
+    (reason,) = imported.account("rows for fix")["rejected"]
+    assert reason.startswith("place 0, 0")
+
+
+def test_rows_of_one_minute_are_spread_and_said(importer: Importer) -> None:
+    rows = "".join(f"2026-05-12T10:{8 + k // 60:02d}:00Z,42.23{k:02d},-8.74,5\n" for k in range(30, 150))
+    imported = mapped(importer, HEAD + rows, ISO_TIME + PLACE)
+    assert "most rows have the time of the row before; spread = true" in imported.words
+    imported.out.unlink()
+    spread = mapped(importer, HEAD + rows, ISO_TIME.replace("utc = true", "utc = true\nspread = true") + PLACE)
+    times = [fix.t_ns for fix in spread.fixes]
+    assert {b - a for a, b in pairwise(times)} == {NS_PER_S}
+
+
+def test_a_time_of_day_without_a_date(importer: Importer) -> None:
+    mapping = BOAT + '[time]\ncolumn = "time"\nformat = "%H:%M:%S"\nwraps_s = 86400\n' + PLACE
+    rows = "".join(f"{second // 3600 % 24:02d}:{second // 60 % 60:02d}:{second % 60:02d},42.0,8.0,5\n"
+                   for second in range(86_395, 86_405))  # fmt: skip
+    imported = mapped(importer, HEAD + rows, mapping)
+    assert (len(imported.fixes), imported.summary["seconds"], imported.summary["utc"]) == (10, 9.1, None)
+    imported.out.unlink()
+    with pytest.raises(WayfixError, match="UTC without a day"):
+        mapped(importer, HEAD + rows, mapping.replace("wraps_s = 86400", "utc = true"))
