@@ -93,6 +93,13 @@ class NumberColumn:
         return self.scale
 
 
+_SIDE_NAMES: Final = {
+    "NS": re.compile(r"(?i)n\W?s|.*lat.*(dir|ref|hem|ns|n\Ws|letter).*|.*n[_/ -]?s[_ ]?(ind|hem|dir).*"),
+    "EW": re.compile(r"(?i)e\W?w|.*lon.*(dir|ref|hem|ew|e\Ww|letter).*|.*e[_/ -]?w[_ ]?(ind|hem|dir).*"),
+}
+"""Names of a column of letters that does not stand beside its latitude or longitude."""
+
+
 class _Axis(NamedTuple):
     what: str
     letters: str
@@ -177,11 +184,12 @@ class PlaceColumns:
             return given
         columns = list(rows[0])
         place = columns.index(name)
-        for near in columns[place + 1 : place + 2] + columns[max(0, place - 1) : place]:
-            letters = {letter_of(row[near]) for row in rows if row[near]}
+        beside = columns[place + 1 : place + 2] + columns[max(0, place - 1) : place]
+        for column in dict.fromkeys((*beside, *filter(_SIDE_NAMES[axis].fullmatch, columns))):
+            letters = {letter_of(row[column]) for row in rows if row[column]}
             if letters and letters <= set(axis):
-                self.notes.append(f"the hemisphere of {name!r} is taken from the column {near!r}")
-                return near
+                self.notes.append(f"the hemisphere of {name!r} is taken from the column {column!r}")
+                return column
         return None
 
     def _angles(self, rows: Sequence[Cells]) -> tuple[list[Angle], list[Angle]]:

@@ -14,6 +14,7 @@ from common.settings import convert
 from shore.imports.job import Job
 from shore.imports.line_counts import Account
 from shore.imports.log_maker import LogMaker, Written
+from shore.imports.meaning import words_of
 from shore.imports.part import ALONE, TripPart, check_sound, moved
 from shore.imports.progress import frames_shown
 from shore.imports.reader import digest_of
@@ -107,10 +108,14 @@ class FramedRecording:
             if file.cut is not None:
                 job.notes.append(f"the file is {file.cut}")
 
+        def facts() -> dict[str, Any]:
+            job.notes += [words_of(doubt, None) for doubt in maker.doubts()]
+            return job.record()
+
         if job.kind is RecordingKind.FRAMES:
             job.accounts = (account,)
         maker = LogMaker(file.greeting, job.options.settings, self._offset_ns)
-        done = maker.write(out, frames_shown(taken(), "filtering", self._count), job.options.trip, job.record)
+        done = maker.write(out, frames_shown(taken(), "filtering", self._count), job.options.trip, facts)
         return done, maker.written
 
     def part(self) -> TripPart:

@@ -17,7 +17,7 @@ _DATES: Final = (
     "%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%d/%m/%y", "%m/%d/%y",
     "%d-%m-%Y", "%d-%b-%Y", "%d-%b-%y", "%d %b %Y", "%b %d %Y", "%Y%m%d", "%d%m%y", "%y%m%d",
 )  # fmt: skip
-_TIMES: Final = ("%H:%M:%S", "%H:%M:%S:%f", "%I:%M:%S %p", "%H:%M", "%I:%M %p", "%H%M%S", "%Hh%Mm%Ss")
+_TIMES: Final = ("%H:%M:%S", "%H:%M:%S:%f", "%I:%M:%S %p", "%H:%M", "%I:%M %p", "%H%M%S", "%H.%M.%S")
 _LEAST_SHARE: Final = 0.9
 """Share of the rows that a form must fit."""
 _EPOCHS: Final = ((3e17, 1e-9), (3e14, 1e-6), (3e11, 1e-3), (3e8, 1.0))

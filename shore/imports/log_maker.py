@@ -53,7 +53,8 @@ class Written:
         if not self.usable_fixes:
             return f"none of its {self.measurements['fixes']} fixes says that it is valid"
         lacking = ", ".join(self.waiting.most_common(1)[0][0])
-        return f"the filters waited for: {lacking}" if lacking else None
+        compass = "" if self.measurements["headings"] or "heading" not in lacking else " (there is no compass in it)"
+        return f"the filters waited for: {lacking}{compass}" if lacking else None
 
 
 class ImportCounts(Watcher):
