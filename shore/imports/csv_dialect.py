@@ -139,7 +139,8 @@ def _heads(lines: Sequence[str], place: int, delimiters: Sequence[str]) -> Itera
 def _fits(head: tuple[tuple[str, ...], str, int], lines: Sequence[str], *, is_first: bool) -> bool:
     """True when the rows behind a line have its columns, and it holds names.
 
-    is_first: nothing stands before it. A later head has at least two rows of values behind it: prose has commas too.
+    is_first: nothing stands before it. A later head, and one whose names are parted by blanks, has at least two rows of
+    values behind it: prose has commas and blanks too.
     """
     columns, delimiter, place = head
     if columns[0].startswith(_COMMENTS) or _are_numbers(columns):
@@ -153,7 +154,7 @@ def _fits(head: tuple[tuple[str, ...], str, int], lines: Sequence[str], *, is_fi
     alike = [row for row in rows if len(row) >= width and not any(map(str.strip, row[width:]))]
     cells = [cell for row in alike for cell in row if cell.strip()]
     has_values = len(alike) > 1 and 2 * sum(any(map(str.isdigit, cell)) for cell in cells) >= len(cells)
-    return bool(rows) and 2 * len(alike) >= len(rows) and (is_first or has_values)
+    return bool(rows) and 2 * len(alike) >= len(rows) and ((is_first and delimiter != " ") or has_values)
 
 
 def _reader(lines: Iterable[str], delimiter: str) -> Any:
