@@ -33,7 +33,7 @@ from shore.logbook.log_reader import read_log
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Pipeline
 from shore.replay.frames import Frames
-from shore.report.score import Reference, read_reference
+from shore.report.reference import Reference, read_reference
 
 SHARED: Final = Path(__file__).parents[2] / "shared"
 """Where the recordings and the cases lie: beside the repository."""

@@ -1,14 +1,15 @@
 """Column mapping file of a table (CSV): which column is what, in which unit (deploy/examples/*-map.toml explain it).
 
-Two programs read it. An import (`wayfix import`) takes every row as it is, of whatever parts are mapped. A voyage
-(`wayfix-onboard virtual`) sub-samples the rows and adds noise; it wants every part, and knows fewer keys.
+docs/mapping.md explains every key. Two programs read it. An import (`wayfix import`) takes every row as it is, of
+whatever parts are mapped. A voyage (`wayfix-onboard virtual`) sub-samples the rows and adds noise; it wants every part,
+and knows fewer keys.
 """
 
 from dataclasses import dataclass, field
 from typing import Annotated, Final, TypeVar
 
 from common.boat_config import BoatTable
-from common.field_bounds import NeededFor, OnlyFor, Range
+from common.field_bounds import NeededFor, OneOf, OnlyFor, Range
 from common.simulation.readings import SensorFacts
 
 T = TypeVar("T")
@@ -27,12 +28,25 @@ Longitude = Annotated[float, Range(-180.0, 180.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TableShape:
+    """`[table]`: how the file is written, where an import does not find it out by itself."""
+
+    skip_lines: Annotated[int, Range(0, 10_000)] = 0
+    """Number of lines before the line of column names (or before the first row, with `columns`)."""
+    columns: tuple[str, ...] = ()
+    """Names of the columns of a table that has no line of names."""
+    delimiter: str | None = None
+    decimal: Annotated[str | None, OneOf((".", ","))] = None
+    encoding: Annotated[str | None, OneOf(("utf-8", "utf-16", "cp1252", "latin-1"))] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TimeColumn:
     """The table `[time]`: when each row was measured."""
 
     column: str
-    scale: float = 1.0
-    """Seconds in one unit of the column."""
+    scale: float | None = None
+    """Seconds in one unit of the column; `None` = the unit in its name, else 1."""
     nanoseconds: ImportOnly[str | None] = None
     """Column with the nanoseconds beyond it (ROS)."""
     unix: ImportOnly[bool] = False
@@ -42,9 +56,11 @@ class TimeColumn:
     more: ImportOnly[tuple[str, ...]] = ()
     """Further columns of a time that is text; joined with a blank."""
     format: ImportOnly[str | None] = None
-    """How the text is written (Python's strptime), for example "%Y-%m-%d %H:%M:%S.%f"."""
+    """How the text is written (Python's strptime), for example "%Y-%m-%d %H:%M:%S.%f"; "iso" = ISO 8601."""
+    excel: ImportOnly[bool] = False
+    """True = the column counts days as Excel does (45,000 is in 2023); one of `more` may hold the fraction of a day."""
     utc: ImportOnly[bool] = False
-    """True = the text is UTC, date included."""
+    """True = the text or Excel's day is UTC, date included."""
     wraps_s: ImportOnly[Annotated[float, Range(0.0, 1e9)]] = 0.0
     """Period after which the clock starts again, s (a twelve-hour clock: 43200); 0 = never."""
     spread: ImportOnly[bool] = False
@@ -58,12 +74,22 @@ class TimeColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixColumns:
-    """`[fix]`: latitude and longitude (WGS 84), or metres north and east of a given origin."""
+    """`[fix]`: latitude and longitude (WGS 84), or metres north and east of a given origin.
+
+    Degrees are read in every form: -8.74, 8.74 W, 8 44.4 W, 8 44 24 W; 0 to 360 east.
+    """
 
     lat: VoyageNeeds[str | None] = None
     lon: VoyageNeeds[str | None] = None
-    scale: ImportOnly[float] = 1.0
-    """Degrees in one unit of the columns."""
+    place: ImportOnly[str | None] = None
+    """Column that holds latitude and longitude in one cell."""
+    north_south: ImportOnly[str | None] = None
+    """Column of the letter N or S; found by itself beside `lat`."""
+    east_west: ImportOnly[str | None] = None
+    scale: ImportOnly[float | None] = None
+    """Degrees in one unit of the columns; `None` = the unit in their names, else 1."""
+    packed: ImportOnly[bool | None] = None
+    """True = ddmm.mmmm (NMEA); `None` = found out from the values."""
     north: ImportOnly[str | None] = None
     east: ImportOnly[str | None] = None
     origin_lat_deg: ImportOnly[Latitude | None] = None
@@ -71,10 +97,12 @@ class FixColumns:
     alt: ImportOnly[str | None] = None
     """Column of the height above mean sea level, m."""
     sog: ImportOnly[str | None] = None
-    sog_scale: ImportOnly[float] = 1.0
-    """Knots in one unit of the column."""
+    sog_scale: ImportOnly[float | None] = None
+    """Knots in one unit of the column; `None` = the unit in the cells or the name, else 1."""
     cog: ImportOnly[str | None] = None
-    """Column of the course over ground, degrees from true north."""
+    """Column of the course over ground from true north."""
+    cog_scale: ImportOnly[float | None] = None
+    """Degrees in one unit of the column; `None` = the unit in the cells or the name, else 1."""
     mode: ImportOnly[str | None] = None
     """Column of the fix mode: 1 none, 2 = 2D, 3 = 3D."""
     held: ImportOnly[bool] = False
@@ -86,7 +114,8 @@ class FixColumns:
     @property
     def columns(self) -> tuple[str, ...]:
         """Every column that must be there."""
-        return _named(self.lat, self.lon, self.north, self.east, self.alt, self.sog, self.cog, self.mode)
+        places = (self.lat, self.lon, self.place, self.north_south, self.east_west, self.north, self.east)
+        return _named(*places, self.alt, self.sog, self.cog, self.mode)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,8 +125,9 @@ class HeadingColumns:
     column: VoyageNeeds[str | None] = None
     quaternion: ImportOnly[tuple[str, ...]] = ()
     """Columns x, y, z, w of the rotation from body (forward, starboard, down) to north, east, down."""
-    scale: float = 1.0
-    """Degrees in one unit of the column; negative = the column counts the other way."""
+    scale: float | None = None
+    """Degrees in one unit of the column, negative = the column counts the other way; `None` = the unit in the cells or
+    the name, else 1."""
     offset_deg: ImportOnly[Annotated[float, Range(-360.0, 360.0)]] = 0.0
     """Offset that is added after scaling, deg."""
     magnetic: ImportOnly[bool] = False
@@ -118,13 +148,14 @@ class ImuColumns:
     accel_fwd: VoyageNeeds[str | None] = None
     accel_stb: VoyageNeeds[str | None] = None
     yaw_rate: str
-    accel_scale: float = 1.0
-    """Acceleration in one unit of the columns, m/s^2."""
+    accel_scale: float | None = None
+    """Acceleration in one unit of the columns, m/s^2; `None` = the unit in the cells or the name, else 1."""
     accel_stb_scale: ImportOnly[float | None] = None
     """Acceleration in one unit of the starboard column, where it is another one (a column that points to port),
     m/s^2."""
-    yaw_rate_scale: float = 1.0
-    """Yaw rate in one unit of the column, deg/s; negative = the column is + bow to port."""
+    yaw_rate_scale: float | None = None
+    """Yaw rate in one unit of the column, deg/s, negative = the column is + bow to port; `None` = the unit in the cells
+    or the name, else 1."""
     held: ImportOnly[bool] = False
     rate_hz: Rate = 20.0
 
@@ -157,6 +188,7 @@ class ColumnMap:
 
     boat: BoatTable
     time: TimeColumn
+    table: ImportOnly[TableShape] = field(default_factory=TableShape)
     fix: VoyageNeeds[FixColumns | None] = None
     heading: VoyageNeeds[HeadingColumns | None] = None
     imu: VoyageNeeds[ImuColumns | None] = None

@@ -100,6 +100,11 @@ def _row(row: dict[str, str], columns: tuple[str, ...], where: str) -> Row:
     return {name: _number(row[name], name, where) for name in columns}
 
 
+def _factor(scale: float | None) -> float:
+    """A voyage takes the columns as they are, where the mapping gives no scale."""
+    return 1.0 if scale is None else scale
+
+
 def _number(text: str | None, column: str, where: str) -> float | None:
     if text is None or not text.strip():
         return None
@@ -116,10 +121,11 @@ def _with_time(
     """(seconds since the first row, row); rows without a time or not later than the one before are left out."""
     timed: list[tuple[float, Row]] = []
     first: float | None = None
+    scale = _factor(time.scale)
     for row in rows:
         stamp = row[time.column]
         first = stamp if first is None else first
-        t_s = None if stamp is None or first is None else round((stamp - first) * time.scale, 6)
+        t_s = None if stamp is None or first is None else round((stamp - first) * scale, 6)
         if t_s is None or (timed and t_s <= timed[-1][0]):
             skipped["time"] += 1
         elif seconds is None or t_s <= seconds:
@@ -171,10 +177,11 @@ def _streams(
 
     def as_heading(values: list[float]) -> Reading:
         noise = float(draw["compass1"].standard_normal()) * heading.noise_deg
-        return HeadingReading((values[0] * heading.scale + noise) % 360.0)
+        return HeadingReading((values[0] * _factor(heading.scale) + noise) % 360.0)
 
     def as_imu(values: list[float]) -> Reading:
-        return ImuReading(values[0] * imu.accel_scale, values[1] * imu.accel_scale, values[2] * imu.yaw_rate_scale)
+        accel, rate = _factor(imu.accel_scale), _factor(imu.yaw_rate_scale)
+        return ImuReading(values[0] * accel, values[1] * accel, values[2] * rate)
 
     for sensor, what, names, rate_hz, convert in (
         ("gps1", "fix", fix.columns, fix.rate_hz, as_fix),

@@ -11,8 +11,9 @@ from shore.terminal import add_json
 
 DESCRIPTION: Final = (
     "Make a log of a recording: NMEA and other serial recordings (up to 128 MiB), frames files, gpsd JSON, Signal K "
-    "deltas and server logs, CSV with a mapping. Told by its content. Exit code 1: nothing in it could be used. "
-    "Several recordings of one trip become one log by their UTC, with breaks up to half an hour (docs/log-format.md)."
+    "deltas and server logs, GPX tracks, CSV with a mapping (docs/mapping.md). Told by its content. Exit code 1: less "
+    "than half of it could be used; the reasons are printed. Several recordings of one trip become one log by their "
+    "UTC, with breaks up to half an hour (docs/log-format.md)."
 )
 EXAMPLE: Final = "Example: wayfix import gps.nmea imu.csv:imu-map.toml trip.mcap"
 
@@ -20,14 +21,17 @@ EXAMPLE: Final = "Example: wayfix import gps.nmea imu.csv:imu-map.toml trip.mcap
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """FILE, OUT and options."""
     parser.description, parser.epilog = DESCRIPTION, EXAMPLE
+    parser.usage = "%(prog)s [options] FILE [FILE ...] OUT.mcap\n       %(prog)s --guess FILE"
     parser.add_argument(
         "recording",
         metavar="FILE",
         nargs="+",
-        help="what to import; FILE:MAP.toml is a table and its mapping; the sensors of a role are numbered in the "
-        "order of the FILEs",
+        help="what to import, and last OUT.mcap, the log to write (never over another); FILE:MAP.toml is a table "
+        "and its mapping; the sensors of a role are numbered in the order of the FILEs",
     )
-    parser.add_argument("out", metavar="OUT.mcap", type=Path, help="the log to write; never overwrites")
+    parser.add_argument(
+        "--guess", action="store_true", help="propose a mapping for the table FILE: TOML on stdout, nothing is written"
+    )
     parser.add_argument(
         "--map", type=Path, metavar="MAP.toml", help="which column of a CSV is what (deploy/examples/*-map.toml)"
     )

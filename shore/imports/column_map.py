@@ -5,6 +5,7 @@ from pathlib import Path
 from common.errors import WayfixError
 from common.settings import read_toml
 from common.simulation.column_map import IMPORT, ColumnMap
+from shore.imports.cell_columns import has_date
 from shore.imports.line_counts import Rejected
 from shore.imports.values import utc_ns_of
 
@@ -22,17 +23,22 @@ def _check(mapping: ColumnMap, file: str) -> None:
         raise WayfixError("maps nothing", file, "add [fix], [heading] or [imu]")
     if fix is not None:
         plane = (fix.north, fix.east, fix.origin_lat_deg, fix.origin_lon_deg)
-        if ((fix.lat is None) != (fix.lon is None)) or ((fix.lat is None) != all(part is not None for part in plane)):
-            cure = "give lat and lon, or north, east, origin_lat_deg and origin_lon_deg"
+        ways = (fix.lat is not None, fix.place is not None, all(part is not None for part in plane))
+        if (fix.lat is None) != (fix.lon is None) or sum(ways) != 1:
+            cure = "give lat and lon, or place, or north, east, origin_lat_deg and origin_lon_deg"
             raise WayfixError("[fix] is no position", file, cure)
     if heading is not None and ((heading.column is None) == (len(heading.quaternion) != 4)):
         raise WayfixError("[heading] is no direction", file, "give column, or the four columns of quaternion")
     if imu is not None and (imu.accel_fwd is None) != (imu.accel_stb is None):
         raise WayfixError("[imu] has one acceleration", file, "give accel_fwd and accel_stb, or neither")
-    if time.format is None and (time.more or time.utc):
-        raise WayfixError("[time] says how text is read, but not its format", file, "add format")
-    if time.format is not None and (time.nanoseconds or time.unix or time.zero_utc):
-        cure = "leave format, or nanoseconds, unix and zero_utc out"
+    if time.format is None and not time.excel and (time.more or time.utc):
+        raise WayfixError("[time] says how text is read, but not its format", file, "add format, or excel = true")
+    if time.utc and not has_date(time.format):
+        raise WayfixError("[time] is UTC without a day", file, "leave utc out, or add the column of the date to more")
+    if time.format is not None and time.excel:
+        raise WayfixError("[time] is text and a day of Excel at once", file, "leave one of format and excel out")
+    if (time.format is not None or time.excel) and (time.nanoseconds or time.unix or time.zero_utc):
+        cure = "leave format and excel, or nanoseconds, unix and zero_utc out"
         raise WayfixError("[time] is text and a number at once", file, cure)
     if time.unix and time.zero_utc is not None:
         raise WayfixError("[time] counts from 1970 and from zero_utc", file, "leave one of unix and zero_utc out")

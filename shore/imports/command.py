@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -12,6 +13,7 @@ from common.atomic_file import check_target
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from common.words import counted
+from shore.imports.guess import proposed
 from shore.imports.job import ImportOptions, Job
 from shore.imports.log_maker import Written
 from shore.imports.recognise import RecordingKind, recognise
@@ -33,7 +35,13 @@ class Given(NamedTuple):
 
 def run(arguments: argparse.Namespace) -> int:
     """Import one file or several; the exit code. Raises WayfixError."""
-    given = [given_as(text) for text in arguments.recording]
+    if arguments.guess:
+        return _guess(arguments)
+    *recordings, out = arguments.recording
+    arguments.out = Path(out)
+    if not recordings:
+        raise WayfixError("is one path, and an import needs two", out, "give FILE and OUT.mcap, the log to write")
+    given = [given_as(text) for text in recordings]
     if arguments.map is not None:
         if len(given) > 1 or given[0].map is not None:
             raise WayfixError("is for one FILE", "--map", "write each mapping behind its table, FILE:MAP.toml")
@@ -48,6 +56,17 @@ def run(arguments: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         say(f"stopped; {arguments.out} was not written")
         return 0
+
+
+def _guess(arguments: argparse.Namespace) -> int:
+    """Print a mapping for a table."""
+    if len(arguments.recording) > 1 or arguments.map is not None:
+        raise WayfixError("is for one table without a mapping", "--guess", "give FILE alone")
+    path = Path(arguments.recording[0])
+    kind = recognise(path, has_map=True, is_serial=False)
+    assert kind is RecordingKind.TABLE
+    sys.stdout.write(proposed(path).text())
+    return 0
 
 
 def given_as(text: str) -> Given:
@@ -120,7 +139,7 @@ def _check_alone(arguments: argparse.Namespace, job: Job) -> None:
 
 
 def _one(arguments: argparse.Namespace, job: Job) -> int:
-    """One recording: nothing usable in it is exit code 1."""
+    """One recording: exit code 1 when less than half of it was used."""
     done, written = imported(job, arguments.out)
     _tell_accounts(job)
     summary = {**job.record(), **_made(written, arguments.out if done else None)}
@@ -128,8 +147,11 @@ def _one(arguments: argparse.Namespace, job: Job) -> int:
         _tell_log(arguments.out, written, job.options.settings.filter.names)
     else:
         say(f"{job.source}: nothing in it could be used, {arguments.out} was not written")
+    too_little = [words for account in job.accounts if (words := account.too_little()) is not None]
+    for words in too_little:
+        say(f"{job.source}: {words}")
     finish(arguments, summary)
-    return 0 if done else 1
+    return 0 if done and not too_little else 1
 
 
 def _several(arguments: argparse.Namespace, trip: JointImport) -> int:
@@ -157,8 +179,10 @@ def _tell_log(out: Path, written: Written, filters: Sequence[str]) -> None:
     began = _began(written) or "an unknown date"
     tell(f"{out}: {counted(written.frames, 'frame')}, {written.seconds:.1f} s from {began}: {held}")
     if filters:
-        valid = f"position valid in {written.aligned_parts['position']}, heading in {written.aligned_parts['heading']}"
+        valid = f"position valid in {written.aligned['position']}, heading in {written.aligned['heading']}"
         tell(f"estimates of {', '.join(filters)}: {written.estimates.total()}; {valid}")
+        if (why := written.why_not_aligned()) is not None:
+            say(f"no {'heading' if written.aligned['position'] else 'estimate'} is valid: {why}")
 
 
 def _began(written: Written) -> str | None:
@@ -176,7 +200,8 @@ def _made(written: Written, out: Path | None) -> dict[str, Any]:
         "measurements": dict(sorted(written.measurements.items())),
         "usable_fixes": written.usable_fixes,
         "estimates": dict(written.estimates),
-        "aligned": written.aligned,
-        "aligned_parts": {part: written.aligned_parts[part] for part in ("position", "heading")},
+        "aligned": written.aligned["whole"],
+        "aligned_parts": {part: written.aligned[part] for part in ("position", "heading")},
+        "why_not_aligned": written.why_not_aligned(),
         "events": dict(sorted(written.events.items())),
     }

@@ -1,9 +1,9 @@
 """Two-pass import of a foreign recording: what is in it and when, then its measurements on one clock."""
 
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from common.boat_config import BoatConfig
 from common.codec import encode_frame
@@ -15,6 +15,7 @@ from shore.imports import frames as cut
 from shore.imports.columns import ColumnReader
 from shore.imports.job import Job
 from shore.imports.log_maker import LogMaker, Written
+from shore.imports.meaning import Doubt, words_of
 from shore.imports.part import ALONE, TripPart, check_sound, moved
 from shore.imports.progress import bytes_shown
 from shore.imports.reader import RecordingReader, digest_of
@@ -67,13 +68,13 @@ class ForeignRecording:
         config = cut.boat_config(self._first.boat, self._first.sensors(self._rates), self._given)
         made = {"kind": str(job.kind), "clock": "utc" if self._is_utc else "from-zero"}
         greeting = cut.greeting_of(config, job.digest, made)
-        source = "gnss" if job.kind is RecordingKind.GPSD else "rtc"
+        source = "gnss" if job.kind in (RecordingKind.GPSD, RecordingKind.GPX) else "rtc"
         doubt_ns = 100 * NS_PER_MS if source == "gnss" else NS_PER_S
         clock = cut.RecordingClock(source if self._is_utc else "none", doubt_ns, plan.shift_of_date_ns)
         maker = LogMaker(greeting, job.options.settings, -plan.shift_of_date_ns if self._is_utc else None)
         with bytes_shown("importing", self._size) as progress:
             frames = cut.frames_of(self._second_pass(progress), config, cut.identity_of(greeting), clock)
-            done = maker.write(out, map(encode_frame, frames), job.options.trip, job.record)
+            done = maker.write(out, map(encode_frame, frames), job.options.trip, lambda: self._record(maker.doubts()))
         return done, maker.written
 
     def part(self) -> TripPart:
@@ -98,13 +99,19 @@ class ForeignRecording:
             measurements=lambda: (moved(placed.measurement, shift_ns) for placed in self._second_pass(None)),
         )
 
+    def _record(self, doubts: Sequence[Doubt]) -> dict[str, Any]:
+        """The job's record, with what its values contradict among the notes."""
+        mapping = self._first.mapping if isinstance(self._first, ColumnReader) else None
+        self._job.notes += [words_of(doubt, mapping) for doubt in doubts]
+        return self._job.record()
+
     def _second_pass(self, progress: Callable[[int], None] | None) -> Iterator[cut.Placed]:
         """The measurements on boat time; the accounts of the job are those of this pass."""
         job, plan = self._job, self._plan
         reader = self._make(progress)
         reader.sources = self._first.sources
         job.accounts = reader.accounts
-        job.notes += [note for note in reader.notes if note not in job.notes]
+        job.notes += [note for note in self._first.notes if note not in job.notes]
         if reader.sources.names:
             job.facts["sources"] = reader.sources.as_record()
         for number, record in enumerate(reader.records()):

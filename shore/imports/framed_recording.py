@@ -15,6 +15,7 @@ from common.units import NS_PER_S
 from shore.imports.job import Job
 from shore.imports.line_counts import Account
 from shore.imports.log_maker import LogMaker, Written
+from shore.imports.meaning import words_of
 from shore.imports.part import ALONE, TripPart, check_sound, moved
 from shore.imports.progress import frames_shown
 from shore.imports.reader import digest_of
@@ -106,8 +107,8 @@ class FramedRecording:
         self._file = file
         self._count = count
         job.digest = digest_of(job.source)
-        first = next(_decoded(file.frames()), None)
-        self._offset_ns = utc_offset_ns(_decoded(file.frames()))
+        first = next(decoded(file.frames()), None)
+        self._offset_ns = utc_offset_ns(decoded(file.frames()))
         if utc_less_boat_ns is not None and (
             self._offset_ns is None or abs(self._offset_ns - utc_less_boat_ns) < REPAIRED_NS
         ):
@@ -127,10 +128,14 @@ class FramedRecording:
             if file.cut is not None:
                 job.notes.append(f"the file is {file.cut}")
 
+        def facts() -> dict[str, Any]:
+            job.notes += [words_of(doubt, None) for doubt in maker.doubts()]
+            return job.record()
+
         if job.kind is RecordingKind.FRAMES:
             job.accounts = (account,)
         maker = LogMaker(file.greeting, job.options.settings, self._offset_ns)
-        done = maker.write(out, frames_shown(taken(), "filtering", self._count), job.options.trip, job.record)
+        done = maker.write(out, frames_shown(taken(), "filtering", self._count), job.options.trip, facts)
         return done, maker.written
 
     def part(self) -> TripPart:
@@ -138,7 +143,7 @@ class FramedRecording:
         job = self._job
         extent = _Extent()
         account = Account("frames")
-        for frame in _decoded(self._file.frames(), account):
+        for frame in decoded(self._file.frames(), account):
             extent.take(frame)
         job.accounts = job.accounts or (account,)
         self._check(extent)
@@ -154,7 +159,7 @@ class FramedRecording:
             last_ns=extent.last_ns + offset_ns,
             measurements=lambda: (
                 moved(measurement, offset_ns)
-                for frame in _decoded(self._file.frames())
+                for frame in decoded(self._file.frames())
                 for measurement in measurements_of(frame)
             ),
         )
@@ -189,7 +194,7 @@ def measurements_of(frame: Frame) -> list[Measurement]:
     return sorted(found, key=lambda measurement: max(measurement.t_ns, frame.t0_ns))
 
 
-def _decoded(frames: Iterable[bytes], account: Account | None = None) -> Iterator[Frame]:
+def decoded(frames: Iterable[bytes], account: Account | None = None) -> Iterator[Frame]:
     """The frames that are such; account: counts them all."""
     for data in frames:
         try:

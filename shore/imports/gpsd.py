@@ -1,11 +1,11 @@
-"""Reader of gpsd's JSON, one object a line (`gpspipe -w`, or with raw sentences between as in its own `.log.chk`).
+"""Reader of gpsd's JSON, one object a line (`gpspipe -w`, or with raw sentences or time stamps beside it).
 
 TPV -> Fix, ATT -> Heading or Attitude and TurnRate, IMU -> the same and ImuSample; other classes are counted. Raw
 sentences are passed over: what gpsd made of them stands beside them. Fields: gpsd_json(5).
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
 from common.boat_config import BoatTable, SensorTable
@@ -14,7 +14,7 @@ from common.messages import Attitude, Fix, Heading, TurnRate
 from common.units import M_S_PER_KN, NS_PER_MS
 from shore.imports.frames import PORT
 from shore.imports.line_counts import Account, Rejected
-from shore.imports.reader import ForeignRecord, Lines, Sources
+from shore.imports.reader import ForeignRecord, Sources
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of
 
 _QUALITY_OF: Final[dict[int, int]] = {1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 6, 7: 7, 8: 8, 9: 3}
@@ -29,7 +29,7 @@ MOST_WAITING: Final = 50
 class GpsdReader:
     """Reader of a gpsd JSON file."""
 
-    def __init__(self, lines: Lines) -> None:
+    def __init__(self, lines: Iterable[str]) -> None:
         self.account = Account("lines")
         self.accounts: tuple[Account, ...] = (self.account,)
         self.boat = BoatTable(id="gpsd")

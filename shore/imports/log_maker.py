@@ -12,6 +12,7 @@ from common.codec import decode_frame
 from common.errors import CodecError
 from common.messages import Frame
 from common.settings import convert
+from shore.imports.meaning import Doubt, MeaningCheck
 from shore.logbook.schemas import SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
@@ -36,12 +37,24 @@ class Written:
     usable_fixes: int = 0
     estimates: Counter[str] = field(default_factory=Counter)
     """Number of estimates of each filter."""
-    aligned: int = 0
-    """Number of valid estimates of the first filter."""
+    aligned: Counter[str] = field(default_factory=Counter)
+    """Number of estimates of the first filter whose `position`, `heading`, or both (`whole`) are valid."""
+    waiting: Counter[tuple[str, ...]] = field(default_factory=Counter)
+    """Number of frames after which the first filter lacked this."""
     events: Counter[str] = field(default_factory=Counter)
     """Number of events of each level."""
-    aligned_parts: Counter[str] = field(default_factory=Counter)
-    """Number of estimates of the first filter whose `position`, and whose `heading`, is valid."""
+
+    def why_not_aligned(self) -> str | None:
+        """Why no estimate is wholly valid, as a sentence; `None` = there is one, or no filter ran."""
+        if self.aligned["whole"] or not self.waiting:
+            return None
+        if not self.measurements["fixes"]:
+            return "there is no position in it, and filters begin with one"
+        if not self.usable_fixes:
+            return f"none of its {self.measurements['fixes']} fixes says that it is valid"
+        lacking = ", ".join(self.waiting.most_common(1)[0][0])
+        compass = "" if self.measurements["headings"] or "heading" not in lacking else " (there is no compass in it)"
+        return f"the filters waited for: {lacking}{compass}" if lacking else None
 
 
 class ImportCounts(Watcher):
@@ -64,10 +77,12 @@ class ImportCounts(Watcher):
         for block in frame.imu:
             written.measurements["imu_samples"] += len(block.offset_us)
         written.usable_fixes += sum(fix.usable for fix in frame.fixes)
+        if self._shown_filter is not None and step.output.waiting is not None:
+            written.waiting[step.output.waiting] += 1
         for estimate in step.output.estimates:
             written.estimates[estimate.filter] += 1
-            written.aligned += estimate.filter == self._shown_filter and not estimate.waiting
-            written.aligned_parts.update(estimate.aligned_parts if estimate.filter == self._shown_filter else ())
+            if estimate.filter == self._shown_filter:
+                written.aligned.update([*estimate.aligned_parts, *(["whole"] if estimate.aligned else [])])
         for event in step.events:
             written.events[event.level] += 1
 
@@ -84,11 +99,16 @@ class LogMaker:
         asked = settings.filter
         self._pipeline = Pipeline(self._config, asked.names, asked.step_s) if asked.names else None
         self._counts = ImportCounts(asked.names)
+        self._meaning = MeaningCheck()
 
     @property
     def written(self) -> Written:
         """What the log holds so far."""
         return self._counts.written
+
+    def doubts(self) -> list[Doubt]:
+        """What the sensors' own values contradict, by the frames so far."""
+        return self._meaning.doubts()
 
     def write(
         self, out: Path, frames: Iterable[bytes], trip: dict[str, Any] | None, facts: Callable[[], dict[str, Any]]
@@ -116,6 +136,7 @@ class LogMaker:
             except CodecError:
                 self.written.bad += 1
                 continue
+            self._meaning.take(frame)
             t_ns = self._log_time_ns(frame)
             if start is None:
                 watchers = open_watchers()

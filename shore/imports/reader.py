@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
@@ -10,6 +11,7 @@ from common.boat_config import IMU_AXES, BoatTable, SensorTable
 from common.errors import WayfixError
 from common.framer import Measurement
 from shore.imports.line_counts import Account
+from shore.imports.text_encoding import UTF16, encoding_of
 
 
 class ForeignRecord(NamedTuple):
@@ -92,20 +94,30 @@ class Lines:
         self._progress = progress
 
     def __iter__(self) -> Iterator[str]:
-        """Each line that is not empty, without its end; a byte that is no UTF-8 becomes a question mark of Unicode."""
+        """Each line that is not empty, without its end; UTF-16 (of PowerShell) by its mark, else UTF-8.
+
+        A byte that is no such text becomes a question mark of Unicode.
+        """
         with opened(self._path) as stream:
-            for data in _pieces(stream):
+            is_utf16 = encoding_of(stream.read(2)) == UTF16
+            stream.seek(0)
+            # Its lines end in the middle of a character of two bytes.
+            pieces = TextIOWrapper(stream, UTF16, errors="replace") if is_utf16 else map(decoded, _pieces(stream))
+            for piece in pieces:
                 if self._progress:
-                    self._progress(len(data))
-                for line in (
-                    data.decode("utf-8", errors="replace").removeprefix("\ufeff").replace("\r", "\n").split("\n")
-                ):
+                    self._progress(len(piece) * (2 if is_utf16 else 1))
+                for line in piece.replace("\r", "\n").split("\n"):
                     if line.strip():
                         yield line
 
 
 LONGEST_LINE: int = 1 << 22
 """Longest line, bytes; a longer one is cut there, and is not a record."""
+
+
+def decoded(data: bytes) -> str:
+    """UTF-8 without its mark."""
+    return data.decode("utf-8", errors="replace").removeprefix("\ufeff")
 
 
 def _pieces(stream: BinaryIO) -> Iterator[bytes]:

@@ -13,13 +13,15 @@ from typing import Any, Final, NoReturn
 from common.errors import WayfixError
 from common.frames_file import is_frames_file
 from shore.imports.csv_dialect import Table, example_of, table_in
+from shore.imports.json_lines import one_object_a_line
+from shore.imports.text_encoding import UTF16, decoded, encoding_of
 
 HEAD_BYTES: Final = 1 << 18
 """Number of bytes at the beginning of a file that are enough to recognise it."""
 MOST_NAMED: Final = 24
 _EXAMPLES: Final = "examples are in deploy/examples"
 _AS_UTF8: Final = "convert it with `iconv -f UTF-16 -t UTF-8 FILE > OUT`"
-_KNOWN: Final = "NMEA 0183, gpsd JSON, Signal K and CSV with --map can be imported"
+_KNOWN: Final = "NMEA 0183, gpsd JSON, Signal K, GPX and CSV with --map can be imported"
 
 
 class RecordingKind(StrEnum):
@@ -29,6 +31,7 @@ class RecordingKind(StrEnum):
     SERIAL = "serial recording"
     TABLE = "table (CSV)"
     GPSD = "gpsd JSON"
+    GPX = "GPX track"
     SIGNALK = "Signal K deltas"
     SIGNALK_LOG = "Signal K server log"
     LOG = "log"
@@ -49,8 +52,6 @@ _MAGICS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"SQLite format 3", "an SQLite data base", "export the table as CSV and give a --map"),
     (b"PAR1", "a Parquet table", "export it as CSV and give a --map"),
     (b"#ROSBAG", "a ROS 1 bag", "export its topics as CSV and give a --map"),
-    (b"\xff\xfe", "text in UTF-16", _AS_UTF8),
-    (b"\xfe\xff", "text in UTF-16", _AS_UTF8),
     (b"\xa3\x95", "an ArduPilot flash log", "export its messages as CSV and give a --map"),
     (b"ULog", "a PX4 log", "export its messages as CSV (ulog2csv) and give a --map"),
     (b"\x7fELF", "a program", _KNOWN),
@@ -79,7 +80,7 @@ def recognise(path: Path, *, has_map: bool, is_serial: bool, is_alone: bool = Tr
     is_alone: a log of ours is refused; beside other recordings it is one of them. Raises WayfixError for what cannot be
     imported, with what it looks like and what to do.
     """
-    head = _head(path)
+    head = head_of(path)
     if not is_alone and _is_own_log(head):
         kind = RecordingKind.LOG
     else:
@@ -89,7 +90,7 @@ def recognise(path: Path, *, has_map: bool, is_serial: bool, is_alone: bool = Tr
         assert table is not None
         _refuse_table(path, table)
     if kind is not RecordingKind.TABLE and has_map:
-        raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "leave the mapping out")
+        raise WayfixError(f"is a {kind}, which needs no mapping", str(path), "import it without one")
     return kind
 
 
@@ -97,6 +98,9 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
     if is_frames_file(path):
         return RecordingKind.FRAMES
     _refuse_magic(path, head)
+    is_utf16 = encoding_of(head) == UTF16
+    # A logger that loses its power leaves zeros behind the text.
+    head = decoded(head).encode() if is_utf16 else head.rstrip(b"\0")
     lines = [line for line in re.split(rb"[\r\n]+", head) if line.strip()]
     if not lines:
         raise WayfixError("there is nothing in it", str(path), "give a recording")
@@ -104,27 +108,30 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
     if found is not None:
         return found
     sentences = sum(_SENTENCE.search(line) is not None for line in lines)
-    if 2 * sum(SERVER_LINE.match(line.decode(errors="replace")) is not None for line in lines) > len(lines):
+    if 2 * sum(_is_server_line(line) for line in lines) > len(lines):
         return RecordingKind.SIGNALK_LOG
     if sentences > len(lines) // 100 or any(_OTHER_DEVICE.match(line) for line in lines[:100]):
+        if is_utf16:
+            raise WayfixError("is a serial recording in UTF-16", str(path), _AS_UTF8)
         return RecordingKind.SERIAL
     if _is_binary(head):
         if _UBX in head:
             cure = "let the receiver send NMEA, or import what gpsd makes of it (gpspipe -w)"
             raise WayfixError("is binary of a u-blox receiver (UBX)", str(path), cure)
         raise WayfixError("is binary, of a kind that is not known here", str(path), _KNOWN)
+    if head.lstrip()[:1] == b"<" and b"<gpx" in head:
+        return RecordingKind.GPX
     _refuse_text(path, head, lines)
-    if table_in(head) is not None:
+    # The mapping may say what the table's head does not.
+    if has_map or table_in(head) is not None:
         return RecordingKind.TABLE
     if is_serial:
         return RecordingKind.SERIAL
-    if has_map:
-        cure = "give a CSV file: a line of column names, and rows of as many fields"
-        raise WayfixError("is no table that a mapping could be for", str(path), cure)
     raise WayfixError("is a text of a kind that is not known here", str(path), f"{_KNOWN}; with --config too")
 
 
-def _head(path: Path) -> bytes:
+def head_of(path: Path) -> bytes:
+    """The first bytes of a file; raises WayfixError."""
     try:
         # Non-blocking: opening a pipe without a writer would wait for ever.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
@@ -173,14 +180,16 @@ def _json_kind(path: Path, lines: list[bytes]) -> RecordingKind | None:
 
 
 def _objects(lines: list[bytes]) -> Iterator[dict[str, Any]]:
-    for line in lines:
-        if line.lstrip()[:1] == b"{":
-            try:
-                content = json.loads(line)
-            except (ValueError, RecursionError):
-                continue
-            if isinstance(content, dict):
-                yield content
+    for line in one_object_a_line(line.decode(errors="replace") for line in lines):
+        begin = line.find("{")
+        if begin < 0 or line[0] in "$!#" or SERVER_LINE.match(line):
+            continue
+        try:
+            content = json.loads(line[begin:])
+        except (ValueError, RecursionError):
+            continue
+        if isinstance(content, dict):
+            yield content
 
 
 def _refuse_json(path: Path, text: str) -> NoReturn:
@@ -194,22 +203,28 @@ def _refuse_json(path: Path, text: str) -> NoReturn:
     elif "FeatureCollection" in text or "coordinates" in keys:
         what = "is GeoJSON: a drawing without times"
     elif "updates" in keys or "class" in keys:
-        cure = "put one object on each line, for example with `jq -c .`"
+        cure = "put one object on each line, for example with `jq -c '.[]'`"
         raise WayfixError("is JSON that does not stand one object to a line", str(path), cure)
     else:
         what = f"is JSON of another kind (its keys: {', '.join(keys[:6]) or 'none'})"
     raise WayfixError(what, str(path), _KNOWN)
 
 
+def _is_server_line(line: bytes) -> bool:
+    """True for a sentence or a delta of a server's log, not for a table whose columns are parted by semicolons."""
+    match = SERVER_LINE.match(line.decode(errors="replace"))
+    return match is not None and re.match(r"[+-]?[0-9.,]*(;|$)", match[3]) is None
+
+
 def _is_binary(head: bytes) -> bool:
     strange = sum(byte < 9 or 13 < byte < 32 for byte in head)
-    return b"\0" in head or 20 * strange > len(head)
+    return 100 * head.count(0) > len(head) or 20 * strange > len(head)
 
 
 def _refuse_text(path: Path, head: bytes, lines: list[bytes]) -> None:
     if head.lstrip()[:1] == b"<":
-        name = "GPX" if b"<gpx" in head else "KML" if b"<kml" in head else "XML or HTML"
-        raise WayfixError(f"is {name}: a track, no recording of sensors", str(path), f"convert it to CSV; {_KNOWN}")
+        name = "KML: a drawing" if b"<kml" in head else "XML or HTML"
+        raise WayfixError(f"is {name}, no recording of sensors", str(path), f"convert it to CSV or GPX; {_KNOWN}")
     if sum(_PROGRAM_LOG.match(line) is not None for line in lines[:50]) * 2 > len(lines[:50]):
         cure = "write its values to a CSV with one time column and give a --map"
         raise WayfixError("is the text log of a program, with values inside sentences of its own", str(path), cure)
@@ -228,4 +243,5 @@ def _refuse_table(path: Path, table: Table) -> NoReturn:
     cure = "say with --map MAP.toml, or FILE:MAP.toml, which column is what; " + (
         f"deploy/examples/{example} is for files with these columns" if example else _EXAMPLES
     )
+    cure += "; `wayfix import --guess FILE` proposes one"
     raise WayfixError(f"is a table with the columns {columns}", str(path), cure)

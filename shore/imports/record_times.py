@@ -43,6 +43,8 @@ BELIEVED: Final = 3
 """Number of records in a row that must agree before a step is accepted."""
 LONGEST_STEP_NS: Final = 10 * NS_PER_S
 """Longest span over which records without time are spread, ns; five ordinary steps limit it too."""
+LONGEST_SPREAD_NS: Final = 60 * NS_PER_S
+"""The same where rows of one stamp are meant to be spread: stamps of whole minutes."""
 
 
 class Plan:
@@ -55,6 +57,8 @@ class Plan:
         none of its own. is_utc: what is no UTC is counted from the first record.
         """
         self._at = times_ns
+        self._longest_step_ns = LONGEST_SPREAD_NS if spread else LONGEST_STEP_NS
+        self._is_spread = spread
         if spread:
             _drop_repeats(self._at)
         self.timed = any(t_ns != NO_TIME for t_ns in self._at)
@@ -122,13 +126,21 @@ class Plan:
     def _place_between(self) -> None:
         """Place records without time evenly between their neighbours (interpolation)."""
         anchors = [number for number, t_ns in enumerate(self._at) if t_ns != NO_TIME]
-        step_ns = _ordinary_step_ns([self._at[number] for number in anchors])
-        longest_ns = max(LONGEST_STEP_NS, 5 * step_ns)
+        step_ns = _ordinary_step_ns([self._at[number] for number in anchors], self._longest_step_ns)
+        longest_ns = max(self._longest_step_ns, 5 * step_ns)
+        sizes = [b - a for a, b in pairwise(anchors)] if self._is_spread else []
+        usual = median(sizes[1:] or sizes) if sizes else 0.0
         for before, behind in [*pairwise(anchors), *((last, len(self._at)) for last in anchors[-1:])]:
             free = [number for number in range(before + 1, behind) if number not in self.doubted]
             start_ns = self._at[before]
             long_ns = self._at[behind] - start_ns if behind < len(self._at) else step_ns
             long_ns = max(0, long_ns if long_ns <= longest_ns else step_ns)
+            if len(free) + 1 < usual and before in (anchors[0], anchors[-1]):
+                # The recording began, or ended, within a stamp: its rows are as far apart as the others.
+                late_ns = round(long_ns * (1.0 - (len(free) + 1) / usual))
+                long_ns -= late_ns
+                start_ns += late_ns if before == anchors[0] else 0
+                self._at[before] = whole_us(start_ns)
             for place, number in enumerate(free, 1):
                 self._at[number] = whole_us(start_ns + long_ns * place // (len(free) + 1))
 
@@ -157,7 +169,7 @@ def _drop_repeats(times_ns: "array[int]") -> None:
         before = t_ns
 
 
-def _ordinary_step_ns(times_ns: Sequence[int]) -> int:
-    """Median distance of records with different times, at most `LONGEST_STEP_NS`; a second where there is none."""
+def _ordinary_step_ns(times_ns: Sequence[int], longest_ns: int = LONGEST_STEP_NS) -> int:
+    """Median distance of records with different times, at most `longest_ns`; a second where there is none."""
     steps = [b - a for a, b in pairwise(times_ns) if b > a]
-    return min(round(median(steps)), LONGEST_STEP_NS) if steps else NS_PER_S
+    return min(round(median(steps)), longest_ns) if steps else NS_PER_S

@@ -13,7 +13,9 @@ from shore.imports.columns import ColumnReader
 from shore.imports.foreign_recording import ForeignRecording, Make
 from shore.imports.framed_recording import FramedRecording, LogFrames
 from shore.imports.gpsd import GpsdReader
+from shore.imports.gpx import GpxReader
 from shore.imports.job import Job
+from shore.imports.json_lines import one_object_a_line
 from shore.imports.log_maker import Written
 from shore.imports.part import TripPart
 from shore.imports.reader import Lines
@@ -54,7 +56,9 @@ def opened_recording(job: Job, stack: ExitStack) -> Recording:
             mapping = read_column_map(job.options.map)
             return _from_reader(job, lambda progress: ColumnReader(job.source, mapping, progress))
         case RecordingKind.GPSD:
-            return _from_reader(job, lambda progress: GpsdReader(Lines(job.source, progress)))
+            return _from_reader(job, lambda progress: GpsdReader(one_object_a_line(Lines(job.source, progress))))
+        case RecordingKind.GPX:
+            return _from_reader(job, lambda progress: GpxReader(job.source, progress))
         case RecordingKind.SIGNALK:
             return _from_deltas(job)
 
@@ -64,11 +68,11 @@ def _from_reader(job: Job, make: Make) -> Recording:
 
 
 def _from_deltas(job: Job) -> Recording:
-    own = own_contexts(Lines(job.source), job.options.vessel, str(job.source))
+    own = own_contexts(one_object_a_line(Lines(job.source)), job.options.vessel, str(job.source))
     if own[0] != SELF:
         job.notes.append(f"taken for our own boat: {own[0]}")
     job.facts["own"] = own[0]
-    return _from_reader(job, lambda progress: SignalKReader(Lines(job.source, progress), own))
+    return _from_reader(job, lambda progress: SignalKReader(one_object_a_line(Lines(job.source, progress)), own))
 
 
 def _from_server_log(job: Job, stack: ExitStack) -> Recording:

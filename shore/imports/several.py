@@ -21,6 +21,7 @@ from common.units import NS_PER_S
 from shore.imports import frames as cut
 from shore.imports.job import ImportOptions, Job
 from shore.imports.log_maker import LogMaker, Written
+from shore.imports.meaning import Doubt, words_of
 from shore.imports.part import TripPart
 from shore.imports.progress import frames_shown
 from shore.imports.reader import digest_of
@@ -119,7 +120,7 @@ def imported_together(trip: JointImport, out: Path) -> Written:
         frames = cut.frames_of(merged(parts, trip.brought), config, cut.identity_of(greeting), clock)
         maker = LogMaker(greeting, trip.options.settings, 0)
         shown = frames_shown(map(encode_frame, frames), "importing", None)
-        if not maker.write(out, shown, trip.options.trip, trip.record):
+        if not maker.write(out, shown, trip.options.trip, lambda: _record(trip, maker.doubts())):
             raise WayfixError("nothing in the recordings could be used", "", "import one of them alone to see why")
         return maker.written
 
@@ -200,6 +201,12 @@ def _named(parts: Sequence[TripPart], given: BoatConfig | None, config: str) -> 
 def _boat_of(parts: Sequence[TripPart]) -> BoatTable:
     """The boat of the first recording that says whose it is, else of the first."""
     return next((part.boat for part in parts if part.job.kind in _SELF_NAMED), parts[0].boat)
+
+
+def _record(trip: JointImport, doubts: Sequence[Doubt]) -> dict[str, Any]:
+    """The trip's record, with what its values contradict among the notes."""
+    trip.notes += [words_of(doubt, None) for doubt in doubts]
+    return trip.record()
 
 
 def notes_of(parts: Sequence[TripPart], given: BoatConfig | None) -> Iterator[str]:

@@ -8,7 +8,7 @@ SI units: rad, m/s; roll + to starboard, pitch + bow up, rate of turn + to starb
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
@@ -20,7 +20,7 @@ from common.units import M_S_PER_KN, NS_PER_MS, NS_PER_S
 from shore.imports.frames import PORT
 from shore.imports.gpsd import DAY_MS, LARGEST
 from shore.imports.line_counts import Account, Rejected
-from shore.imports.reader import ForeignRecord, Lines, Sources
+from shore.imports.reader import ForeignRecord, Sources
 from shore.imports.recognise import SERVER_LINE
 from shore.imports.values import direction_deg, number, signed_deg, utc_ns_of, within_life
 
@@ -74,7 +74,7 @@ def stamp_ns(text: str) -> int:
 class SignalKReader:
     """Reader of deltas."""
 
-    def __init__(self, lines: Lines, own: tuple[str, ...]) -> None:
+    def __init__(self, lines: Iterable[str], own: tuple[str, ...]) -> None:
         """Own: the contexts of the boat itself (`own_contexts`)."""
         self.account = Account("values")
         self.accounts: tuple[Account, ...] = (self.account,)
@@ -214,7 +214,7 @@ def _is_over(moment: SourceValues, update: _Update) -> bool:
     return moment.t_ns != update.t_ns if moment.source == update.source else update.t_ns > moment.t_ns + OVER_NS
 
 
-def own_contexts(lines: Lines, wanted: str | None, file: str) -> tuple[str, ...]:
+def own_contexts(lines: Iterable[str], wanted: str | None, file: str) -> tuple[str, ...]:
     """The contexts of the boat itself, its name first.
 
     `wanted` (context, URN or MMSI), else what a greeting calls `self`, else `vessels.self`, else the only one, else the
@@ -271,7 +271,7 @@ def _context_of(content: dict[str, Any]) -> str:
     return context if isinstance(context, str) else NOBODY
 
 
-def _updates(lines: Lines, account: Account) -> Iterator[_Update]:
+def _updates(lines: Iterable[str], account: Account) -> Iterator[_Update]:
     for line in lines:
         stamp, content = _delta(line)
         if content is None:

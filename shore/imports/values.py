@@ -1,19 +1,10 @@
 """Parsers of numbers, angles and times in foreign records. A wrong value raises `Rejected` and nothing else."""
 
 import math
-import re
-from datetime import UTC, datetime, timedelta
-from typing import Any, Final
+from typing import Any
 
-from common.units import NS_PER_S, NS_PER_US
 from shore.imports.line_counts import Rejected
-
-_ISO: Final = re.compile(
-    r"([0-9]{4})-([0-9]{2})-([0-9]{2})[T ]([0-9]{2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,12}))?"
-    r"(Z|[+-][0-9]{2}:?[0-9]{2})?"
-)
-LATEST_UTC_NS: Final = 4_102_444_800 * NS_PER_S
-_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+from shore.report.iso_time import LATEST_UTC_NS, iso_utc_ns
 
 
 def number(record: dict[str, Any], key: str, low: float, high: float) -> float | None:
@@ -55,20 +46,12 @@ def utc_ns_of(value: object, name: str = "time") -> int | None:
     """ISO 8601 text -> UTC in ns since 1970; `None` for `None`; raises Rejected. Without a zone it is UTC."""
     if value is None:
         return None
-    match = _ISO.fullmatch(value.strip()) if isinstance(value, str) else None
-    if match is None:
+    if not isinstance(value, str):
         raise Rejected(f"{name}: no ISO 8601")
-    *parts, fraction, zone = match.groups()
-    year, month, day, hour, minute, second = (int(part) for part in parts)
-    leap = second == 60  # as the second after it
     try:
-        moment = datetime(year, month, day, hour, minute, 59 if leap else second, tzinfo=UTC)
-    except ValueError:
-        raise Rejected(f"{name}: no such moment") from None
-    since = moment - _EPOCH + timedelta(seconds=int(leap)) - _offset(zone)
-    ns = (since.days * 86_400 + since.seconds) * NS_PER_S
-    ns += round(int(fraction) * 10 ** (9 - len(fraction))) if fraction else 0
-    return within_life(ns - ns % NS_PER_US, name)
+        return iso_utc_ns(value)
+    except ValueError as reason:
+        raise Rejected(f"{name}: {reason}") from None
 
 
 def within_life(utc_ns: int, name: str) -> int:
@@ -76,12 +59,3 @@ def within_life(utc_ns: int, name: str) -> int:
     if not 0 <= utc_ns < LATEST_UTC_NS:
         raise Rejected(f"{name}: not from 1970 to 2099")
     return utc_ns
-
-
-def _offset(zone: str | None) -> timedelta:
-    if zone in (None, "Z"):
-        return timedelta()
-    assert zone is not None
-    hours, minutes = int(zone[1:3]), int(zone[-2:])
-    away = timedelta(hours=hours, minutes=minutes)
-    return away if zone[0] == "+" else -away

@@ -29,7 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `wayfix replay`."""
     parser.add_argument("log", type=Path, help="a log of `wayfix connect`, `demo`, `import` or `replay --record`")
     parser.add_argument(
-        "--reference", type=Path, metavar="FILE", help="CSV t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]"
+        "--reference",
+        type=Path,
+        metavar="FILE",
+        help="the true track: GPX, or CSV t_s|utc|t_ns,lat_deg,lon_deg[,heading_true_deg]",
     )
     parser.add_argument(
         "--order",
@@ -123,7 +126,7 @@ class Looked:
         self._replay = replay
         self._live = DoubtWatcher(replay.filters[0]) if arguments.smooth else None
         self._consistency = ConsistencyWatcher()
-        self._score = ScoreWatcher(arguments.reference) if arguments.reference else None
+        self._score = ScoreWatcher(arguments.reference, self._utc_offset_ns) if arguments.reference else None
 
     @property
     def consistency(self) -> "Consistency":
@@ -134,6 +137,14 @@ class Looked:
     def score(self) -> "Score | None":
         """Score against the reference, when one was given and a frame came."""
         return None if self._score is None else self._score.score
+
+    def _utc_offset_ns(self) -> int | None:
+        """UTC less boat time, by the log's frames (`None` = they do not say)."""
+        from shore.imports.framed_recording import decoded
+        from shore.imports.recording_date import utc_offset_ns
+        from shore.logbook.log_reader import read_log
+
+        return utc_offset_ns(decoded(read_log(self._arguments.log).frames()))
 
     def play(self) -> bool:
         """The whole replay; False after Ctrl-C, which leaves no half file."""

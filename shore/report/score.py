@@ -4,7 +4,6 @@ Position error is horizontal distance (m), heading error is wrapped (deg). Estim
 fixes and headings at theirs; the reference is interpolated, never extrapolated.
 """
 
-import csv
 from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -18,101 +17,17 @@ from numpy.typing import NDArray
 from common.angles import difference_deg, heading_deg
 from common.boat_config import BoatConfig
 from common.errors import WayfixError
-from common.geodesy import LocalPlane
 from common.messages import Frame
-from common.units import NS_PER_S
-from common.words import counted
 from shore.navigation.measurements import Reader, TrueHeading
+from shore.report.reference import Reference, read_reference
 
 Array = NDArray[np.float64]
 
-REQUIRED_COLUMNS: Final = ("t_s", "lat_deg", "lon_deg", "heading_true_deg")
-RANGES: Final = {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 180.0), "heading_true_deg": (-360.0, 360.0)}
-LEAST_ROWS: Final = 2
-LONGEST_GAP_S: Final = 2.0
-"""Longest hole of the reference over which it is interpolated, s: nothing is known in a longer one."""
 LATE_SHARE: Final = 0.75
 """Share of the scored time after which the last quarter begins."""
 POSITION_CHANNELS: Final = (".east", ".north")
 FIGURES: Final = ("nis_position", "nis_heading", "sigma_m", "sigma_deg")
 """Names of the figures that `Consistency` gives for each filter."""
-
-
-class Reference:
-    """A reference track on the boat clock: CSV `t_s,lat_deg,lon_deg,heading_true_deg[,t_ns]`."""
-
-    def __init__(self, t_ns: Array, lat_deg: Array, lon_deg: Array, heading_true_deg: Array) -> None:
-        """Arrays (n,) with times increasing: whole ns of the boat clock as floats, without an offset."""
-        self.plane = LocalPlane(float(lat_deg[0]), float(lon_deg[0]))
-        positions = [self.plane.to_east_north_m(float(a), float(b)) for a, b in zip(lat_deg, lon_deg, strict=True)]
-        self.start_ns = float(t_ns[0])
-        self._t_s: Array = (t_ns - t_ns[0]) / NS_PER_S
-        self.east_m = np.array([position[0] for position in positions])
-        self.north_m = np.array([position[1] for position in positions])
-        self._heading_deg = np.degrees(np.unwrap(np.radians(heading_true_deg)))
-        self.heading_true_deg = heading_true_deg
-
-    @property
-    def t_s(self) -> Array:
-        """Time since the reference's first row, s, (n,)."""
-        return self._t_s
-
-    def at(self, t_ns: int) -> tuple[float, float, float] | None:
-        """(east_m, north_m, heading_deg unwrapped) at boat time `t_ns`, or None outside the reference."""
-        t_s = (t_ns - self.start_ns) / NS_PER_S
-        if not 0.0 <= t_s <= self._t_s[-1]:
-            return None
-        after = int(np.searchsorted(self._t_s, t_s))
-        if after and self._t_s[after] - self._t_s[after - 1] > LONGEST_GAP_S:
-            return None
-        columns = (self.east_m, self.north_m, self._heading_deg)
-        east, north, heading = (float(np.interp(t_s, self._t_s, column)) for column in columns)
-        return east, north, heading
-
-
-def read_reference(path: Path, first_t_ns: int) -> Reference:
-    """Read a reference file; without a `t_ns` column its t_s = 0 is `first_t_ns`. Raises WayfixError."""
-    rows = _rows(path)
-    columns = {name: np.array([_number(row, name, path, line) for line, row in rows]) for name in REQUIRED_COLUMNS}
-    if "t_ns" in rows[0][1]:
-        t_ns = np.array([_number(row, "t_ns", path, line) for line, row in rows])
-    else:
-        t_ns = first_t_ns + columns["t_s"] * NS_PER_S
-    falls = np.flatnonzero(np.diff(t_ns) <= 0.0)
-    if len(falls):
-        line = rows[int(falls[0]) + 1][0]
-        raise WayfixError(f"line {line}: time does not grow", str(path), "sort the rows by time")
-    return Reference(t_ns, columns["lat_deg"], columns["lon_deg"], columns["heading_true_deg"])
-
-
-def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
-    """(line number, row) of a CSV file with the columns a reference must have, at least two."""
-    cure = f"give CSV with {','.join(REQUIRED_COLUMNS)}[,t_ns]"
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            rows = [(reader.line_num, row) for row in reader]
-    except OSError as error:
-        raise WayfixError(f"cannot be read ({error.strerror})", str(path), "give a readable reference file") from error
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise WayfixError(f"is no CSV text ({error})", str(path), cure) from error
-    if len(rows) < LEAST_ROWS:
-        raise WayfixError(f"has {counted(len(rows), 'row')}, two are the least", str(path), cure)
-    if missing := [name for name in REQUIRED_COLUMNS if name not in rows[0][1]]:
-        raise WayfixError(f"has no column {', '.join(missing)}", str(path), cure)
-    return rows
-
-
-def _number(row: dict[str, str], name: str, path: Path, line: int) -> float:
-    """One field, finite and within its range."""
-    try:
-        value = float(row[name])
-    except (TypeError, ValueError):
-        value = float("nan")
-    low, high = RANGES.get(name, (-np.inf, np.inf))
-    if not np.isfinite(value) or not low <= value <= high:
-        raise WayfixError(f"line {line}: {name} cannot be {row[name]!r}", str(path), "correct the row or leave it out")
-    return value
 
 
 @dataclass(slots=True)
@@ -175,12 +90,14 @@ class Score:
         truth = self.reference.at(t_ns)
         if truth is not None:
             east_m, north_m = self.reference.plane.to_east_north_m(lat_deg, lon_deg)
-            self.position.setdefault(name, Errors()).add(t_ns, float(np.hypot(east_m - truth[0], north_m - truth[1])))
+            self.position.setdefault(name, Errors()).add(
+                t_ns, float(np.hypot(east_m - truth.east_m, north_m - truth.north_m))
+            )
 
     def _heading(self, name: str, t_ns: int, heading_true_deg: float) -> None:
         truth = self.reference.at(t_ns)
-        if truth is not None:
-            self.heading.setdefault(name, Errors()).add(t_ns, difference_deg(heading_true_deg, truth[2]))
+        if truth is not None and truth.heading_deg is not None:
+            self.heading.setdefault(name, Errors()).add(t_ns, difference_deg(heading_true_deg, truth.heading_deg))
 
     def check(self, reference: Path) -> None:
         """After the last value: raises WayfixError when no position could be scored."""
@@ -188,7 +105,7 @@ class Score:
             cure = "a boat without a receiver cannot be scored"
             raise WayfixError("the log has neither a fix nor an estimate to compare", str(reference), cure)
         if not any(errors.t_ns for errors in self.position.values()):
-            cure = "give the track of the same trip, with t_s from its first frame or t_ns on the boat clock"
+            cure = "give the track of the same trip, with UTC, t_s from its first frame, or t_ns on the boat clock"
             raise WayfixError("does not overlap with the log in time", str(reference), cure)
 
 

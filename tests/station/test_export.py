@@ -95,7 +95,7 @@ def test_the_csv_says_its_units_and_every_digit(out: Path, recorded: list[dict[s
 
 
 def test_the_csv_is_a_reference_for_replay(out: Path, recorded: list[dict[str, Any]]) -> None:
-    from shore.report.score import read_reference
+    from shore.report.reference import read_reference
 
     reference = read_reference(out / "trip.csv", 0)
     assert reference.at(recorded[50]["t_ns"]) is not None

@@ -48,6 +48,8 @@ NOTHING = (
     "tnt-revolution.log.chk",
 )
 """Exit code 1: gpsd's decoded AIS, JSON of no receiver, a compass that sends counts."""
+LESS_THAN_HALF = ("tcp-torture.log.chk",)
+"""Exit code 1 and a log: two of its three TPVs have no time."""
 FIXES = {
     "gpsd-receivers/bu353s4.log": 25,
     "gpsd-receivers/bu353s4.log.chk": 25,
@@ -129,7 +131,7 @@ def test_every_file_is_imported_or_refused(path: Path, importer: Importer) -> No
         assert imported.summary["measurements"] == {}
         assert not imported.out.exists()
         return
-    assert imported.code == 0
+    assert imported.code == (path.name in LESS_THAN_HALF)
     assert sum(imported.summary["measurements"].values()) > 0
     assert imported.summary["measurements"].get("fixes", 0) == FIXES.get(
         named(path), imported.summary["measurements"].get("fixes", 0)

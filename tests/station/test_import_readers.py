@@ -266,6 +266,10 @@ def test_a_table_with_holes_and_rubbish(importer: Importer) -> None:
         "taken": {"with time": 4},
         "ignored": {},
         "rejected": {"time: empty": 1, "time: not a number": 1},
+        "first": {
+            "time: empty": "line 5, column 't', value ''",
+            "time: not a number": "line 6, column 't', value 'soon'",
+        },
     }
     assert imported.account("rows for fix")["rejected"] == {"lon: out of range": 1}
     assert imported.account("rows for fix")["ignored"] == {"empty": 1}

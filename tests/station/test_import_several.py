@@ -263,7 +263,7 @@ def test_what_is_no_trip_is_one_sentence(
     made: dict[str, Callable[[], bytes]] = {
         "day.csv": lambda: gyro_rows(START.timestamp() + 86_400).encode(),
         "damaged.csv": lambda: (
-            gyro_rows(START.timestamp()).replace("5,1.0", "#,##").replace("7,1.0", "#,#").encode() + b"\n#"
+            gyro_rows(START.timestamp()).replace("5,1.0", "#,##").replace("7,1.0", "#,#").encode() + b"\n?"
         ),
         "boot2.csv": lambda: gyro_rows(99.0).encode(),
         "undated.nmea": lambda: nmea(dated=False).encode(),

@@ -8,7 +8,8 @@ import pytest
 from common.errors import WayfixError
 from common.messages import Fix
 from common.units import NS_PER_S
-from shore.report.score import Consistency, consistency_table, read_reference, score_of
+from shore.report.reference import read_reference
+from shore.report.score import Consistency, consistency_table, score_of
 from tests.navigate.voyages import BOAT
 from tests.strategies import frame_of
 
@@ -26,11 +27,16 @@ def reference(tmp_path: Path, text: str) -> Path:
     [
         ("", "has 0 rows"),
         (HEAD + "0,1,1,1\n", "has 1 rows"),
-        ("t_s,lat,lon,h\n0,1,1,1\n1,1,1,1\n", "has no column lat_deg, lon_deg, heading_true_deg"),
+        ("t_s,y,x,h\n0,1,1,1\n1,1,1,1\n", "has no column lat_deg, lon_deg"),
+        ("s,lat,lon,h\n0,1,1,1\n1,1,1,1\n", "has no column t_s"),
+        ("utc,lat,lon\n2026-05-12,1,1\n1,1,1\n", "line 2: utc cannot be '2026-05-12'"),
+        ("utc,lat,lon\n2026-05-12T10:08:00Z,1,1\n2026-05-12T10:08:01Z,1,1\n", "the log does not know UTC"),
+        ("<gpx><trk><trkseg><trkpt lat='1' lon='1'/></trkseg></trk></gpx>", "has 0 points with a time"),
+        ("<!DOCTYPE a []><gpx></gpx>", "holds a document type"),
         (HEAD + "0,1,1,1\n1,nan,1,1\n", "line 3: lat_deg cannot be 'nan'"),
         (HEAD + "0,1,1,1\n1,inf,1,1\n", "line 3: lat_deg cannot be 'inf'"),
         (HEAD + "0,95,1,1\n1,1,1,1\n", "line 2: lat_deg cannot be '95'"),
-        (HEAD + "0,1,1,1\n1,1,1\n", "line 3: heading_true_deg cannot be None"),
+        (HEAD + "0,1,1,1\n1,1\n", "line 3: lon_deg cannot be None"),
         (HEAD + "1,1,1,1\n0,1,1,1\n", "line 3: time does not grow"),
         (HEAD + "x" * 200_000, "is no CSV text"),
     ],
@@ -47,11 +53,35 @@ def test_a_reference_is_interpolated_across_north_and_never_over_a_hole(tmp_path
     track = read_reference(reference(tmp_path, text), 5 * NS_PER_S)
     middle = track.at(int(5.5 * NS_PER_S))
     assert middle is not None
-    assert math.isclose(math.remainder(middle[2], 360.0), 0.0, abs_tol=1e-9)
+    assert middle.heading_deg is not None
+    assert math.isclose(math.remainder(middle.heading_deg, 360.0), 0.0, abs_tol=1e-9)
     assert track.at(10 * NS_PER_S) is None
     assert track.at(4 * NS_PER_S) is None
     assert track.at(17 * NS_PER_S) is None
     assert track.at(int(15.5 * NS_PER_S)) is not None
+
+
+TWO = "2023-11-14T22:13:2{}Z"
+UTC_NS = 1_700_000_000 * NS_PER_S
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"utc,lat,lon,heading\n{TWO.format(0)},50,1,350\n{TWO.format(1)},50,1,\n",
+        "timestamp;latitude;longitude\n1700000000;50;1\n1700000001;50;1\n",
+        "time,lat_deg,lon_deg\n1700000000000,50,1\n1700000001000,50,1\n",
+        "<gpx xmlns='http://www.topografix.com/GPX/1/0'><trk><trkseg>{}{}</trkseg></trk></gpx>".format(
+            *(f"<trkpt lat='50' lon='1'><time>{TWO.format(second)}</time></trkpt>" for second in (1, 0))
+        ),
+    ],
+)
+def test_a_reference_in_utc_and_without_heading(text: str, tmp_path: Path) -> None:
+    track = read_reference(reference(tmp_path, text), 0, lambda: UTC_NS - 5 * NS_PER_S)
+    middle = track.at(int(5.5 * NS_PER_S))
+    assert middle is not None
+    assert (middle.east_m, middle.north_m, middle.heading_deg) == (0.0, 0.0, None)
+    assert track.at(4 * NS_PER_S) is None
 
 
 def record(name: str, nis: float, *, aligned: bool = True) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from shore.navigation.state_space import Gaussian
 from shore.navigation.ukf import predict_unscented
 from shore.pipeline import Pipeline
 from shore.replay.smooth import COLUMNS, smooth_log, write_track
-from shore.report.score import read_reference
+from shore.report.reference import read_reference
 from tests import offline
 from tests.navigate import voyages
 from tests.offline import compensated, errors_of, frames_of
