@@ -43,6 +43,8 @@ PROGRESS_LINES: Final = 200_000
 PORT: Final = "recorded"
 OTHER_CLOCK: Final = "another clock"
 """Why a sentence of another clock of the recording is left out: its fix would have a wrong UTC, or come twice."""
+IN_PACKETS: Final = "in UBX packets"
+"""Why pieces between two line ends are no lines: bytes of binary packets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +128,10 @@ class Conversion:
     def skipped(self) -> dict[str, int]:
         """Number of lines that the decoders do not see, by reason."""
         others = {OTHER_CLOCK: len(self._unused)} if self._unused else {}
+        splitter, tally = self._chain.splitter, self._chain.tally
+        if splitter.packet_bytes:
+            on_the_wire = len(self._starts_ns) - len(self._unused)
+            others[IN_PACKETS] = on_the_wire - tally.lines - splitter.overflows
         return {**self._paced.recording.skipped, **others}
 
     def summary(self) -> Summary:

@@ -161,7 +161,8 @@ GOOD = {
         ("HDG", "271.1", "-1.1", "range"),
         ("HDG", "10.7,E", "10.7,N", "hemisphere"),
         ("HDG", "10.7,E", "10.7,", "hemisphere"),
-        ("HDG", "12.2,W", "-12.2,W", "range"),
+        ("HDG", "12.2,W", "-12.2,W", "hemisphere"),
+        ("HDG", "12.2,W", "-181.0,E", "range"),
         ("HDG", ",12.2,W", "", "fields"),
     ],
 )
