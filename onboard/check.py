@@ -68,7 +68,15 @@ def _refuse_closed(found: "list[PortHeard]", file: str) -> None:
     what = f"{first.table.name} ({first.table.path}): {first.fault}"
     if len(closed) > 1:
         what = f"{what}; and {counted(len(closed) - 1, 'more port')}, see above"
-    raise WayfixError(what, file, "check the path, the plug and who else uses the port")
+    raise WayfixError(what, file, _cure(what))
+
+
+def _cure(what: str) -> str:
+    if "wayfix-onboard (pid" in what:
+        return (
+            "the running daemon has it: `wayfix-onboard status` says how its sensors are, `raw SENSOR` shows the lines"
+        )
+    return "check the path, the plug and who else uses the port"
 
 
 def _words(port: "PortHeard", seconds: float) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """Device identification: what comes on this port? Known models by what their drivers make of the lines; others by form.
 
-`recognised` asks the drivers. `stranger` names what no driver reads: binary protocols (`onboard.devices.framings`),
+`recognised` asks the drivers. `stranger` names what no driver reads: binary protocols (`common.framings`),
 sentences and text (`onboard.devices.foreign_text`). Both need several frames or lines. What is left is noise, and
 nothing but a wrong baud rate or a bad wire makes that. Pure.
 """
@@ -12,11 +12,11 @@ from typing import Final
 
 from common.boat_config import ROLES, SensorTable
 from common.framer import Measurement
+from common.framings import NO_DRIVER, frames_in
 from common.units import NS_PER_S
 from common.visible_lines import is_text, shown
 from onboard.devices.driver import COMPANIONS, Accepted, Line
 from onboard.devices.foreign_text import TextSeen, cure_of, maker_of, text_seen
-from onboard.devices.framings import NO_DRIVER, frames_in
 from onboard.devices.nmea_sentence import address, check_sentence
 from onboard.devices.port_decoder import PortDecoder
 from onboard.devices.registry import MODELS, make_driver

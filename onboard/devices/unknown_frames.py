@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Final
 
-from onboard.devices.checks import crc16, crc16_reflected, fletcher, sum8, xor8
+from common.checks import crc16, crc16_reflected, fletcher, sum8, xor8
 
 _MARKS: Final = 24
 """Number of pairs of bytes that are tried as a mark, the most common ones."""

@@ -74,7 +74,7 @@ async def heard(config: BoatConfig, seconds: float) -> list[PortHeard]:
             for polled in ports:
                 polled.chain.flush(now_ns)
             await asyncio.sleep(_TICK_S)
-        return [_port_heard(polled, now_ns) for polled in ports]
+        return [_port_heard(polled, now_ns, seconds) for polled in ports]
     finally:
         for task in work:
             task.cancel()
@@ -85,7 +85,7 @@ def _nothing(_happening: object) -> None:
     """Nobody listens to the events of a trial."""
 
 
-def _port_heard(polled: PolledPort, now_ns: int) -> PortHeard:
+def _port_heard(polled: PolledPort, now_ns: int, seconds: float) -> PortHeard:
     chain, table = polled.chain, polled.chain.table
     data = chain.recent.newest()
     lines = [line for line in re.split(rb"[\r\n]+", data) if line]
@@ -98,11 +98,11 @@ def _port_heard(polled: PolledPort, now_ns: int) -> PortHeard:
         readable=_readable(lines),
         unread=tuple(name for name, _ in chain.tally.ignored.most_common() if name != "text"),
         samples=_samples(data, lines),
-        sensors=tuple(_sensor_heard(chain, monitor, now_ns) for monitor in chain.monitors.values()),
+        sensors=tuple(_sensor_heard(chain, monitor, now_ns, seconds) for monitor in chain.monitors.values()),
     )
 
 
-def _sensor_heard(chain: PortChain, monitor: SensorMonitor, now_ns: int) -> SensorHeard:
+def _sensor_heard(chain: PortChain, monitor: SensorMonitor, now_ns: int, seconds: float) -> SensorHeard:
     table = monitor.table
     kinds = {kind: count for (sensor, kind), count in chain.tally.accepted.items() if sensor == table.id}
     monitor.report(now_ns)
@@ -111,6 +111,8 @@ def _sensor_heard(chain: PortChain, monitor: SensorMonitor, now_ns: int) -> Sens
         why = f"{', '.join(kinds)} come, which say nothing of it alone: {WANTED.get(table.role, '')}"
     elif not delivers and (ROLES[table.role].periodic or chain.wire.heard_bytes):
         why = str(monitor.why_not(now_ns, chain.stranger(monitor)))
+        if not chain.wire.heard_bytes and seconds * (table.rate_hz or ROLES[table.role].nominal_rate_hz) < 2.0:
+            why = f"{why}; it sends seldom: listen longer (--listen S)"
     return SensorHeard(table, delivers, monitor.rate_hz, kinds, why)
 
 

@@ -9,7 +9,7 @@ would look like damage. (u-blox, interface description, section UBX frame struct
 import re
 from typing import Final
 
-from onboard.devices.checks import fletcher
+from common.checks import fletcher
 
 LONGEST_PAYLOAD: Final = 4096
 """A longer one is none, bytes: RAWX with 96 signals has 3,088."""

@@ -12,6 +12,7 @@ from typing import Any, Final, NoReturn
 
 from common.errors import WayfixError
 from common.frames_file import is_frames_file
+from common.framings import GNSS, frames_in
 from shore.imports.csv_dialect import Table, example_of, table_in
 from shore.imports.json_lines import one_object_a_line
 from shore.imports.text_encoding import UTF16, decoded, encoding_of
@@ -64,7 +65,8 @@ _EXPORTS: Final = {
 }
 """Bytes near the beginning of one of our own exports -> the format of that export."""
 _MCAP: Final = b"\x89MCAP0\r\n"
-_UBX: Final = b"\xb5\x62"
+_PACKETS_BYTES: Final = 1 << 14
+"""Number of bytes of a binary file that are looked through for packets of known protocols."""
 _SENTENCE: Final = re.compile(rb"[$!][A-Z0-9]{4,6},[^\r\n$!]*")
 _OTHER_DEVICE: Final = re.compile(rb"!!!.*\*\*\*|\$C[0-9]+\.[0-9].*|%-?[0-9]{3}[0-9.].*")
 """Lines of an ArduIMU, a TCM2 or a KVH compass."""
@@ -115,9 +117,15 @@ def _kind(path: Path, head: bytes, *, has_map: bool, is_serial: bool) -> Recordi
             raise WayfixError("is a serial recording in UTF-16", str(path), _AS_UTF8)
         return RecordingKind.SERIAL
     if _is_binary(head):
-        if _UBX in head:
-            cure = "let the receiver send NMEA, or import what gpsd makes of it (gpspipe -w)"
-            raise WayfixError("is binary of a u-blox receiver (UBX)", str(path), cure)
+        packets, _ = frames_in(head[:_PACKETS_BYTES])
+        if packets:
+            framing = packets[0].framing
+            cure = (
+                f"{framing.cure}, or import what gpsd makes of it (gpspipe -w)"
+                if framing.cure is GNSS
+                else framing.cure
+            )
+            raise WayfixError(f"is binary ({framing.name})", str(path), cure)
         raise WayfixError("is binary, of a kind that is not known here", str(path), _KNOWN)
     if head.lstrip()[:1] == b"<" and b"<gpx" in head:
         return RecordingKind.GPX

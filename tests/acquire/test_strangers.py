@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.framer import Identity
+from common.framings import frames_in
 from common.messages import Event
 from common.settings import read_toml
 from common.units import NS_PER_S
 from onboard.devices import Line
 from onboard.devices.foreign_text import format_of, name_of
-from onboard.devices.framings import frames_in
 from onboard.devices.recognise import NOISE, stranger
 from onboard.reading.acquisition import Acquisition
 from tests.acquire.sentences import GGA, RMC, sealed

@@ -34,7 +34,7 @@ REFUSED = {
     "autoferry-tracking/*_groundTruth.json": "tracks of other vessels",
     "ddboat-imu-gps/*": "text log of a program",
     "target-worlds/*": "is JSON of another kind",
-    "gpsd-receivers/ublox-neo-m8n.log": "u-blox receiver (UBX)",
+    "gpsd-receivers/ublox-neo-m8n.log": "is binary (u-blox UBX)",
     "telemetron-radar/*.mat": "MATLAB file",
     "telemetron-radar/*_detections.csv": "decoded radar detections",
     "telemetron-radar/*_truth.csv": "is a table with the columns time_unix_s",

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from onboard.devices.checks import (
+from common.checks import (
     X25_STEPS,
     crc16,
     crc16_reflected,
@@ -21,6 +21,10 @@ from onboard.devices.checks import (
 )
 
 LEAST_FRAMES: Final = 3
+PATIENCE: Final = 64
+"""Number of places that look like a beginning and are none, after which a protocol is given up: looking is bounded."""
+PATIENCE_OF_A_FRAME: Final = 4
+"""Number of such places that each frame allows in addition."""
 LONGEST_FRAME: Final = 2_100
 
 GNSS: Final = "turn on its NMEA output"
@@ -78,9 +82,10 @@ def _without(data: bytes, spans: list[tuple[int, int]]) -> bytes:
 
 def _spans(data: bytes, framing: Framing) -> Iterator[tuple[int, int]]:
     """Begin and end of each frame that counts."""
-    at = data.find(framing.sync)
-    while at >= 0:
+    at, patience = data.find(framing.sync), PATIENCE
+    while at >= 0 and patience > 0:
         end = _end(data, at, framing)
+        patience += PATIENCE_OF_A_FRAME if end else -1
         if end:
             yield at, end
         at = data.find(framing.sync, end or at + 1)
