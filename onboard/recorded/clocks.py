@@ -252,14 +252,18 @@ def _leading(voices: Sequence[_Voice]) -> _Voice:
     if not most:
         return max(among, key=lambda voice: len(set(voice.tods)))
     nearly = [voice for voice in among if len(voice.fixed) >= LEAST_SHARE * most]
-    return min(nearly, key=lambda voice: (_first_line(voice, voices), voice.lines[0]))
+    first = [voice.lines[0] for voice in nearly]
+    for voice in voices:
+        owner = _owner(voice, nearly)
+        first[owner] = min(first[owner], voice.lines[0])
+    return nearly[first.index(min(first))]
 
 
-def _first_line(voice: _Voice, voices: Iterable[_Voice]) -> int:
-    """The first line that gives times of this clock: a receiver may have several talkers."""
+def _owner(voice: _Voice, leaders: Sequence[_Voice]) -> int:
+    """Whose device a clock is of: of its talker if there is one, for a receiver may have several; by shared times."""
+    pool = [n for n, leader in enumerate(leaders) if leader.key[0] == voice.key[0]] or range(len(leaders))
     own = set(voice.tods)
-    sharing = (other for other in voices if len(own.intersection(other.tods)) >= SAME_SHARE * len(own))
-    return min(other.lines[0] for other in sharing)
+    return max(pool, key=lambda n: len(own.intersection(leaders[n].tods)))
 
 
 class _Apart:
@@ -320,7 +324,7 @@ def _anchoring(same: Sequence[_Voice], lead: _Voice) -> Iterable[Key]:
     leading = by_talker[lead.key[0]]
     for voice in same:
         own = by_talker[voice.key[0]]
-        if own is leading or len(own & leading) <= OWN_SHARE * len(own):
+        if own is leading or (len(own) > REACH and len(own & leading) <= OWN_SHARE * len(own)):
             yield voice.key
 
 

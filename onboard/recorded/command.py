@@ -27,7 +27,7 @@ def add_arguments(commands: Any) -> None:
 
 
 def _convert(arguments: argparse.Namespace) -> int:
-    """Run the daemon's decoders and framer over a recording, on the time inside its sentences.
+    """Run the daemon's decoders and framer over a recording, on the time inside its sentences or beside them.
 
     Exit code 1: no line of the recording was of any use.
     """
