@@ -17,6 +17,7 @@ from shore.exports.table import NAMES
 from shore.exports.track import RAW, ExportTrack
 from shore.logbook.log_reader import LogReader, read_log
 from shore.logbook.log_writer import late_logs
+from shore.navigation.estimate import MOST_DOUBT_M
 from shore.navigation.timeline import HORIZON_S
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell
 from shore.trips.listing import logs_in, newest_first, trip_of
@@ -101,7 +102,8 @@ def _export(options: ExportOptions, kind: Format, reader: LogReader, target: Tar
         rows = _write(kind, target, track)
     if not rows:
         why = f" ({reader.damage})" if reader.damage else ""
-        say(f"{options.log}: holds no {'usable fix' if name == RAW else 'estimate'}{why}; nothing was written")
+        what = f"holds no {'usable fix' if name == RAW else 'estimate'}{why}"
+        say(f"{options.log}: {_left_out(track) or what}; nothing was written")
         return {"out": None, "rows": 0, "events": track.marks}
     _say_what(options, track)
     return _summary(options, track, target)
@@ -208,6 +210,8 @@ def _say_what(options: ExportOptions, track: ExportTrack) -> None:
     if track.filter == RAW:
         how = "as they came" if track.order == "recorded" else "in order of boat time"
     tell(f"{options.out}: {what}, {how}; {counted(track.marks, 'event')}")
+    if left_out := _left_out(track):
+        tell(left_out)
     if survey.late and track.order == "recorded":
         late = counted(survey.late, "frame")
         tell(f"{late} came more than {HORIZON_S:g} s late; --order time puts them in their place")
@@ -220,6 +224,13 @@ def _say_what(options: ExportOptions, track: ExportTrack) -> None:
         tell(f"{counted(track.rows, 'point')} make many programs slow; --every 1 gives one a second")
 
 
+def _left_out(track: ExportTrack) -> str:
+    """How many estimates a map does not show; empty = it shows all."""
+    doubt = f"the doubt of their position is beyond {MOST_DOUBT_M:g} m"
+    are = "is" if track.left_out == 1 else "are"
+    return f"{counted(track.left_out, 'estimate')} {are} left out: {doubt}" if track.left_out else ""
+
+
 def _summary(options: ExportOptions, track: ExportTrack, target: Target) -> dict[str, Any]:
     return {
         "out": options.out,
@@ -228,6 +239,7 @@ def _summary(options: ExportOptions, track: ExportTrack, target: Target) -> dict
         "filter": track.filter,
         "order": track.order,
         "rows": track.rows,
+        "left_out": track.left_out,
         "events": track.marks,
         "late": track.survey.late,
         "has_utc": track.survey.clocks.know_utc,

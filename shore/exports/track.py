@@ -132,6 +132,8 @@ class ExportTrack:
         self.order = order
         self.rows = 0
         """Number of rows that the newest pass has given."""
+        self.left_out = 0
+        """Number of rows that the newest pass has not given, for their doubt is too large for a place on a map."""
         self.marks = 0
         self.shown: Callable[[float], None] = lambda _t_s: None
         """Called with seconds of the log now and then, for a progress display."""
@@ -149,7 +151,7 @@ class ExportTrack:
 
     def items(self) -> Iterator[Row | Mark]:
         """Rows and events in order of boat time; where the board's clock begins again, clock after clock."""
-        self.rows = self.marks = 0
+        self.rows = self.marks = self.left_out = 0
         waiting = _Waiting(self._known_events(), self.filter)
         last: Row | None = None
         slot: tuple[int, int] | None = None
@@ -180,6 +182,8 @@ class ExportTrack:
                 yield item
             elif not item.has_place:
                 last = None
+                self.rows -= 1
+                self.left_out += 1
             else:
                 is_first = item.is_first or last is None or item.stretch != last.stretch
                 yield item._replace(is_first=True) if is_first else item

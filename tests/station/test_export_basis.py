@@ -113,6 +113,23 @@ def test_maps_have_a_piece_for_each_stretch_and_no_place_of_too_much_doubt(log: 
     assert len(mcap_messages(tmp_path / "a.mcap", "/position/ukf")) == 9
 
 
+def test_what_a_map_leaves_out_is_said_and_a_map_of_nothing_is_not_written(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert export(log, "--to", "gpx", tmp_path / "a.gpx", "--json") == 0
+    said = capsys.readouterr().out
+    assert "1 estimate is left out: the doubt of their position is beyond 500 m" in said
+    assert (json.loads(said.splitlines()[-1])["rows"], json.loads(said.splitlines()[-1])["left_out"]) == (9, 1)
+    lost = [estimate(t_s, 50.0, 1.0, sigma_east_m=900.0, aligned_parts=()) for t_s in (1.0, 2.0)]
+    lost_log = log_of(tmp_path / "lost.mcap", lost)
+    for kind in ("gpx", "kml", "geojson", "png"):
+        out = tmp_path / f"lost.{kind}"
+        assert export(lost_log, "--to", kind, out) == 1
+        assert not out.exists()
+        assert "2 estimates are left out" in capsys.readouterr().err
+    assert export(lost_log, "--to", "csv", tmp_path / "lost.csv") == 0
+
+
 def test_tables_have_columns_of_it_and_leave_doubtful_numbers_out(log: Path, tmp_path: Path) -> None:
     assert export(log, "--to", "csv", tmp_path / "a.csv") == 0
     rows = rows_of(tmp_path / "a.csv")
