@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.units import NS_PER_S
+from common.words import counted
 from shore.report.gpx_points import GpxPoints
 from shore.report.iso_time import iso_utc_ns
 
@@ -122,7 +123,7 @@ def _of_gpx(path: Path, utc_offset: UtcOffset) -> tuple[Array, ...]:
         except ValueError as reason:
             raise WayfixError(f"line {point.line}: {point} cannot be ({reason})", str(path), _CORRECT) from reason
     if len(rows) < LEAST_ROWS:
-        raise WayfixError(f"has {len(rows)} points with a time, two are the least", str(path), CURE)
+        raise WayfixError(f"has {counted(len(rows), 'point')} with a time, two are the least", str(path), CURE)
     times = sorted(rows)
     places = np.array([rows[utc_ns] for utc_ns in times])
     wrong = ~((np.abs(places[:, 0]) <= 90.0) & (np.abs(places[:, 1]) <= 180.0))
@@ -186,7 +187,7 @@ def _rows(path: Path) -> list[tuple[int, dict[str, str | None]]]:
     except (csv.Error, UnicodeDecodeError) as error:
         raise WayfixError(f"is no CSV text ({error})", str(path), CURE) from error
     if len(rows) < LEAST_ROWS:
-        raise WayfixError(f"has {len(rows)} rows, two are the least", str(path), CURE)
+        raise WayfixError(f"has {counted(len(rows), 'row')}, two are the least", str(path), CURE)
     return rows
 
 

@@ -21,6 +21,8 @@ class RunAccount(Watcher):
         self._made: Counter[str] = Counter()
         self._aligned: Counter[str] = Counter()
         """Number of estimates that were valid, by filter."""
+        self._waiting: Counter[tuple[str, ...]] = Counter()
+        """Number of frames after which the first filter lacked this."""
         self._roles: dict[str, str] = {}
 
     def begin(self, start: Start, t_ns: int) -> None:
@@ -31,6 +33,8 @@ class RunAccount(Watcher):
         """Count a frame and what it led to."""
         self._trip.frame(step.frame)
         self._why_none.frame(step.frame)
+        if step.output.waiting:
+            self._waiting[step.output.waiting] += 1
         for record in step.records:
             self._trip.estimate(record)
             self._made[record["filter"]] += 1
@@ -62,5 +66,8 @@ class RunAccount(Watcher):
             yield f"{name:7} {counted(count, 'estimate')}, {self._aligned[name]:,} of them valid"
         if not self._made:
             yield f"no estimates: {self._why_none.text(self._roles)}"
+        elif not any(self._aligned.values()) and self._waiting:
+            lacking, _ = self._waiting.most_common(1)[0]
+            yield f"none is valid: the filters waited for {', '.join(lacking)}"
         if trip["events"]:
             yield f"events  {', '.join(f'{count} {level}' for level, count in trip['events'].items())}"

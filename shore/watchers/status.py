@@ -6,6 +6,7 @@ On a terminal it is one line: where it is too long, first what is well is left o
 from collections.abc import Callable
 from datetime import UTC, datetime
 from math import hypot
+from typing import Final
 
 from common.units import NS_PER_S
 from common.words import counted
@@ -16,6 +17,9 @@ from shore.settings.station import DEFAULTS, StationSettings
 from shore.terminal import width_of_stderr
 from shore.watchers.newest import Age, Newest, quality_of
 from shore.watchers.watcher import SourceState, Start, Step, Watcher
+
+_UNWELL: Final = {"STALE", "no", "not"}
+"""Words of a sensor that is not well, which is said on any terminal."""
 
 
 class StatusLine(Watcher):
@@ -60,13 +64,15 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
     if width is None or len(whole) <= width:
         return whole
     estimate, lack = _estimate_text(newest), now.catching_up
-    sensors = [text for text in (_fix_text(newest), _heading_text(newest)) if "STALE" in text or "no" in text.split()]
+    sensors = [text for text in (_fix_text(newest), _heading_text(newest)) if not _UNWELL.isdisjoint(text.split())]
     missing = f"{now.missing:,} missing"
     told = missing if lack is None else catching_up_text(lack)
     trouble = [] if now.has_log else ["NO LOG"]
     trouble += [] if now.lost_s is None else [f"LINK LOST for {now.lost_s:.0f} s"]
     bare, *waiting = estimate.removeprefix(f"{newest.filter} ").split(" waiting for: ")
-    bare += " (not valid yet)" if waiting else ""
+    if waiting:
+        has_position = newest.estimate is not None and "position" in newest.estimate.aligned_parts
+        bare += " (heading not valid)" if has_position else " (not valid yet)"
     shorter = (
         [*trouble, estimate, *sensors, told],
         [*trouble, estimate, *sensors, missing],

@@ -66,6 +66,12 @@ def test_a_run_ends_with_what_it_was(tmp_path: Path, board: Board) -> None:
     assert run.account.as_record()["why_no_estimates"] is None
 
 
+def test_a_run_without_a_valid_estimate_says_what_the_filters_waited_for(tmp_path: Path, board: Board) -> None:
+    run, _ = session(tmp_path, board, 4.0)
+    assert run.account.as_record()["estimates"]
+    assert "none is valid: the filters waited for noise of the sensors" in list(run.account.lines())
+
+
 def test_a_run_without_estimates_says_why_live_in_the_log_and_in_a_replay(tmp_path: Path, board: Board) -> None:
     board.has_sensors = False
     run, _ = session(tmp_path, board, 2.0)

@@ -26,7 +26,7 @@ def reference(tmp_path: Path, text: str) -> Path:
     ("text", "part"),
     [
         ("", "has 0 rows"),
-        (HEAD + "0,1,1,1\n", "has 1 rows"),
+        (HEAD + "0,1,1,1\n", "has 1 row,"),
         ("t_s,y,x,h\n0,1,1,1\n1,1,1,1\n", "has no column lat_deg, lon_deg"),
         ("s,lat,lon,h\n0,1,1,1\n1,1,1,1\n", "has no column t_s"),
         ("utc,lat,lon\n2026-05-12,1,1\n1,1,1\n", "line 2: utc cannot be '2026-05-12'"),
