@@ -20,7 +20,7 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
-from onboard.devices.nmea_fields import DAY_MS
+from onboard.devices.nmea_fields import DAY_MS, tod_step_ms
 from onboard.recorded.bursts import ReceiverLine
 
 LEAST_SHARE: Final = 0.9
@@ -54,11 +54,6 @@ TOLD_NEAR_MS: Final = 5
 """Smaller offsets are rounding."""
 
 Key = tuple[str, str]
-
-
-def tod_step_ms(before_ms: int, after_ms: int) -> int:
-    """Step from one time of day to another, ms, -12 h to +12 h."""
-    return (after_ms - before_ms + DAY_MS // 2) % DAY_MS - DAY_MS // 2
 
 
 def ordinary_step_ms(tods: Sequence[int], default_ms: int = 1_000) -> int:

@@ -17,9 +17,9 @@ from statistics import median
 from typing import Final
 
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.devices.nmea_fields import DAY_MS
+from onboard.devices.nmea_fields import DAY_MS, tod_step_ms
 from onboard.recorded.bursts import Burst, bursts, receiver_line
-from onboard.recorded.clocks import Clocks, OtherClock, clocks_of, ordinary_step_ms, tod_step_ms
+from onboard.recorded.clocks import Clocks, OtherClock, clocks_of, ordinary_step_ms
 from onboard.recorded.stamps import HostStamp, StampedTimes, stamped_times
 from onboard.recorded.steps import LONGEST_STEP_MS, Anchor, ClockSet, Steps
 

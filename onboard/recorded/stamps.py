@@ -12,9 +12,8 @@ from itertools import groupby, pairwise
 from typing import Final, NamedTuple
 
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.devices.nmea_fields import DAY_MS
+from onboard.devices.nmea_fields import DAY_MS, tod_step_ms
 from onboard.devices.nmea_sentence import checksum
-from onboard.recorded.clocks import tod_step_ms
 
 EARLIEST_NS: Final = 315_964_800 * NS_PER_S
 """1980-01-06, ns since 1970: what is before it counts from anywhere."""

@@ -19,9 +19,9 @@ from itertools import groupby, pairwise
 from statistics import median
 from typing import Final, NamedTuple
 
-from onboard.devices.nmea_fields import DAY_MS
+from onboard.devices.nmea_fields import DAY_MS, tod_step_ms
 from onboard.recorded.bursts import Burst
-from onboard.recorded.clocks import REACH, Clocks, steps_back, tod_step_ms
+from onboard.recorded.clocks import REACH, Clocks, steps_back
 
 LONGEST_STEP_MS: Final = 10_000
 """Longest step between two anchors, ms: a longer one (and longer than five ordinary ones) is a gap or a wrong time."""

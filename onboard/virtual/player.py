@@ -10,7 +10,7 @@ from typing import Any
 from common.boat_config import BoatConfig, BoatTable, LinkTable, PortTable, SensorTable
 from common.errors import WayfixError
 from common.units import NS_PER_MS, NS_PER_S
-from onboard.recorded.clocks import tod_step_ms
+from onboard.devices.nmea_fields import tod_step_ms
 from onboard.recorded.line_times import Schedule
 from onboard.recorded.notes import time_notes
 from onboard.recorded.recording import LAG_NS, Paced, pace, read_recording

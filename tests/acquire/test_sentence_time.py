@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.units import NS_PER_S
-from onboard.recorded.clocks import tod_step_ms
+from onboard.devices.nmea_fields import tod_step_ms
 from onboard.recorded.line_times import Schedule, on_the_wire, sentence_times, without_long_gaps
 from tests.acquire.sentences import sealed
 
