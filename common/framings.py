@@ -21,6 +21,7 @@ from common.checks import (
 )
 
 LEAST_FRAMES: Final = 3
+"""Number of frames that are no accident; one less where the mark has more than one byte."""
 PATIENCE: Final = 64
 """Number of places that look like a beginning and are none, after which a protocol is given up: looking is bounded."""
 PATIENCE_OF_A_FRAME: Final = 4
@@ -68,7 +69,7 @@ def frames_in(data: bytes) -> tuple[list[Frames], bytes]:
     found = []
     for framing in FRAMINGS:
         spans = list(_spans(data, framing))
-        if len(spans) >= LEAST_FRAMES:
+        if len(spans) >= LEAST_FRAMES - (len(framing.sync) > 1):
             found.append(Frames(framing, len(spans), sum(end - begin for begin, end in spans)))
             data = _without(data, spans)
     return sorted(found, key=lambda item: item.size, reverse=True), data
