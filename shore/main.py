@@ -150,7 +150,7 @@ def _log(arguments: argparse.Namespace) -> int:
 
 
 def _import(arguments: argparse.Namespace) -> int:
-    """Make a log of a recording: serial ones, CSV with a mapping, gpsd JSON, Signal K; told by its content."""
+    """Make a log of a recording: serial ones, CSV with a mapping, gpsd JSON, Signal K, GPX; told by its content."""
     from shore.imports.command import run
 
     return run(arguments)

@@ -73,6 +73,8 @@ _OTHER_DEVICE: Final = re.compile(rb"!!!.*\*\*\*|\$C[0-9]+\.[0-9].*|%-?[0-9]{3}[
 SERVER_LINE: Final = re.compile(r"([0-9]{10,13}|[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9:.]+Z?);([^;]*);(.*)")
 """Line of a server's log: time (ms since 1970, or ISO 8601), provider, payload."""
 _PROGRAM_LOG: Final = re.compile(rb"[0-9]{4}-[0-9]{2}-[0-9]{2} [0-9:,.]+ - [A-Z]+ - ")
+_BEGINS_JSON: Final = re.compile(rb"\s*(\{|\[\s*([\[{\"0-9\]-]|$))")
+"""Beginning of JSON, and not of TOML, whose tables are `[name]`."""
 _JSON_KEY: Final = re.compile(r'"(\w+)"\s*:')
 
 
@@ -182,7 +184,7 @@ def _json_kind(path: Path, lines: list[bytes]) -> RecordingKind | None:
             votes[RecordingKind.GPSD] += 1
     if votes:
         return votes.most_common(1)[0][0]
-    if lines[0].lstrip()[:1] in (b"{", b"["):
+    if _BEGINS_JSON.match(lines[0]):
         _refuse_json(path, b"\n".join(lines[:200])[:4096].decode(errors="replace"))
     return None
 
