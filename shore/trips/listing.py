@@ -55,7 +55,7 @@ class Trip:
             "state": self.state,
             "bytes": self.size,
             **fields,
-            "start_utc": date_of(number(fields["utc_ns"], int)),
+            "start_utc": date_of(fields["utc_ns"]),
         }
 
 
@@ -149,9 +149,10 @@ def _recovered(stream: BinaryIO, tail: Tail) -> dict[str, Any] | None:
     return summary if isinstance(summary, dict) else None
 
 
-def date_of(utc_ns: int | None) -> str | None:
-    """A time for programs; `None` where there is no date."""
-    return None if utc_ns is None or utc_ns < FIRST_DATE_NS else iso(utc_ns)
+def date_of(utc_ns: Any) -> str | None:
+    """A time for programs; `None` where there is no date, or a record holds no number."""
+    value = number(utc_ns, int)
+    return None if value is None or value < FIRST_DATE_NS else iso(value)
 
 
 def day(utc_ns: Any) -> str:
