@@ -13,11 +13,11 @@ _BAUDS: Final = (
     1200, 2400, 4800, 9600, 14400, 19200, 28800, 38400, 57600, 76800, 115_200, 128_000, 230_400, 250_000, 256_000,
     460_800, 500_000, 576_000, 921_600, 1_000_000, 2_000_000,
 )  # fmt: skip
-_EVERY_ROLE: Final = frozenset({"id", "port", "role", "model", "talkers", "rate_hz", "latency_ms", "checksum"})
+EVERY_ROLE: Final = frozenset({"id", "port", "role", "model", "talkers", "rate_hz", "latency_ms", "checksum"})
 _GYRO: Final = frozenset(
     {"gyro_density_deg", "bias_yaw_rate_deg_s", "bias_yaw_rate_sigma_deg_s", "bias_yaw_rate_walk_deg_s"}
 )
-_READ: Final[dict[str, frozenset[str]]] = {
+READ: Final[dict[str, frozenset[str]]] = {
     "gps": frozenset(
         {"sigma_m", "sigma_dgps_m", "sigma_rtk_m", "sigma_float_m", "error_lasts_s", "week_rollover", "lever_fwd_m",
          "lever_stb_m"}
@@ -27,7 +27,7 @@ _READ: Final[dict[str, frozenset[str]]] = {
     ),
     "imu": _GYRO
     | {"accel_density", "bias_accel_fwd_m_s2", "bias_accel_stb_m_s2", "bias_accel_sigma_m_s2", "bias_accel_walk_m_s2",
-       "tilt_leak_sigma_per_m", "heel_leak_sigma", "use"},
+       "tilt_leak_sigma_per_m", "heel_leak_sigma", "trust_tilt", "use"},
     "gyro": _GYRO,
     "ais": frozenset(),
     "radar": frozenset(),
@@ -79,7 +79,7 @@ def _of_sensor(sensor: SensorTable) -> Iterator[str]:
         value = getattr(sensor, item.name)
         if value == item.default:
             continue
-        if item.name not in _EVERY_ROLE | _READ[sensor.role]:
+        if item.name not in EVERY_ROLE | READ[sensor.role]:
             yield f"{where}.{item.name} = {value} has no effect: nothing reads it for the role {sensor.role}"
             continue
         low, high, hint = _likely(item.name, sensor.role)

@@ -68,7 +68,9 @@ class BasisEvents:
         if estimate.position_from == FIX:
             if lost_ns is not None:
                 self._lost_since_ns = None
-                self._notices.say("fix-regained", estimate.t_ns, seconds=_seconds(since_ns - lost_ns))
+                # late fixes may have filled the hole: then the row is as old as it was before
+                again_ns = since_ns if since_ns > lost_ns else estimate.t_ns
+                self._notices.say("fix-regained", estimate.t_ns, seconds=_seconds(again_ns - lost_ns))
         elif lost_ns is None and estimate.t_ns - max(since_ns, self._unbroken_ns) > self._lost_after_ns:
             self._lost_since_ns = since_ns
             self._notices.say("fix-lost", estimate.t_ns, seconds=_seconds(estimate.t_ns - since_ns))

@@ -66,7 +66,7 @@ class Estimate:
     sigma_north_m: float
     sigma_heading_deg: float
     aligned: bool
-    """True when `waiting` is empty: all parts of the estimate are valid."""
+    """True when all parts of the estimate are valid: `waiting` is empty, and none has too much doubt."""
     waiting: tuple[str, ...]
     """What is not known yet (`shore.navigation.initial_alignment`)."""
     aligned_parts: tuple[str, ...]
@@ -112,6 +112,7 @@ def estimate_of(
     has_heading = sigma_heading_deg <= MOST_DOUBT_DEG
     has_place = math.hypot(sigmas[EAST], sigmas[NORTH]) <= MOST_DOUBT_M
     shown = {"position": has_place, "heading": has_heading}
+    parts = tuple([part for part in aligned_parts(waiting) if shown[part]])
     return Estimate(
         t_ns=t_ns,
         boot_id=frame.boot_id,
@@ -130,9 +131,9 @@ def estimate_of(
         sigma_east_m=sigmas[EAST],
         sigma_north_m=sigmas[NORTH],
         sigma_heading_deg=sigma_heading_deg,
-        aligned=not waiting,
+        aligned=not waiting and all(shown.values()),
         waiting=waiting,
-        aligned_parts=tuple([part for part in aligned_parts(waiting) if shown[part]]),
+        aligned_parts=parts,
         position_from=basis.position_from,
         position_since_ns=basis.position_since_ns,
         heading_from=basis.heading_from if has_heading else None,

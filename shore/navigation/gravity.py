@@ -1,8 +1,10 @@
 """Levelling: gravity is taken out of accelerations by the roll and pitch that the same unit gives."""
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 from common.messages import Attitude, ImuBlock
@@ -19,6 +21,9 @@ class _Tilt(NamedTuple):
     stb_m_s2: float
 
 
+_time: Final = attrgetter("t_ns")
+
+
 def levelled(block: ImuBlock, attitudes: Sequence[Attitude]) -> ImuBlock:
     """The block without gravity; samples without an attitude near them stay as they are.
 
@@ -26,12 +31,13 @@ def levelled(block: ImuBlock, attitudes: Sequence[Attitude]) -> ImuBlock:
     forward a + g sin(pitch), starboard a - g sin(roll) cos(pitch). Running sums keep their gravity: what the roll was
     in a gap of the frames is not known.
     """
-    tilts = [tilt for each in attitudes if (tilt := _tilt(each)) is not None]
+    tilts = sorted(tilt for each in attitudes if (tilt := _tilt(each)) is not None)
     if not tilts:
         return block
     fwd, stb = list(block.accel_fwd_m_s2), list(block.accel_stb_m_s2)
     for i, t_ns in enumerate(block.sample_t_ns):
-        near = min(tilts, key=lambda tilt: (abs(tilt.t_ns - t_ns), tilt.t_ns))
+        place = bisect_left(tilts, t_ns, key=_time)
+        near = min(tilts[max(0, place - 1) : place + 1], key=lambda tilt: abs(tilt.t_ns - t_ns))
         if abs(near.t_ns - t_ns) <= LARGEST_AGE_NS:
             fwd[i] -= near.fwd_m_s2
             stb[i] -= near.stb_m_s2

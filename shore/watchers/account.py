@@ -21,6 +21,8 @@ class RunAccount(Watcher):
         self._made: Counter[str] = Counter()
         self._aligned: Counter[str] = Counter()
         """Number of estimates that were valid, by filter."""
+        self._parts: Counter[tuple[str, str]] = Counter()
+        """Number of estimates whose `position`, or `heading`, was valid, by filter and part."""
         self._waiting: Counter[tuple[str, ...]] = Counter()
         """Number of frames after which the first filter lacked this."""
         self._roles: dict[str, str] = {}
@@ -39,6 +41,7 @@ class RunAccount(Watcher):
             self._trip.estimate(record)
             self._made[record["filter"]] += 1
             self._aligned[record["filter"]] += bool(record["aligned"])
+            self._parts.update((record["filter"], part) for part in record["aligned_parts"])
         for event in step.events:
             self._trip.event(event.level)
 
@@ -63,11 +66,13 @@ class RunAccount(Watcher):
         if self._trip.has_place:
             yield f"sailed  {trip['distance_m']:,.0f} m, up to {trip['max_sog_kn']:.1f} kn"
         for name, count in self._made.items():
-            yield f"{name:7} {counted(count, 'estimate')}, {self._aligned[name]:,} of them valid"
+            valid = f"position valid in {self._parts[name, 'position']:,}, heading in {self._parts[name, 'heading']:,}"
+            yield f"{name:7} {counted(count, 'estimate')}, {valid}"
         if not self._made:
             yield f"no estimates: {self._why_none.text(self._roles)}"
         elif not any(self._aligned.values()) and self._waiting:
             lacking, _ = self._waiting.most_common(1)[0]
-            yield f"none is valid: the filters waited for {', '.join(lacking)}"
+            part = "none is valid" if not self._parts else "no heading is valid"
+            yield f"{part}: the filters waited for {', '.join(lacking)}"
         if trip["events"]:
             yield f"events  {', '.join(f'{count} {level}' for level, count in trip['events'].items())}"

@@ -9,13 +9,14 @@ import subprocess
 import sys
 import tty
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
 
-from common.boat_config import BoatConfig
+from common.boat_config import BoatConfig, SensorTable
 from common.settings import read_toml
+from onboard import plausible
 from onboard.config import _twice, load
 from onboard.plausible import doubts
 from onboard.reading.port_access import holders_of, owner_of, why_absent, why_busy, why_denied
@@ -154,3 +155,8 @@ def test_two_adapters_alike_are_told_by_their_place(tmp_path: Path) -> None:
     told = _twice(device, [str(by_id / "usb-adapter")] * 2, by_path)
     assert told.endswith(f"give each by its by-path name: {by_path}/usb-1.0, {by_path}/usb-1.1")
     assert "by-path" not in _twice(device, [device, device], by_path).replace(str(by_path), "")
+
+
+def test_every_key_of_a_sensor_is_read_for_some_role() -> None:
+    known = plausible.EVERY_ROLE.union(*plausible.READ.values())
+    assert {item.name for item in fields(SensorTable)} == known

@@ -81,6 +81,18 @@ def test_a_void_fix_makes_the_next_estimate_a_dead_reckoning() -> None:
     assert regained.evidence["seconds"] == 31.0
 
 
+def test_a_loss_that_a_late_fix_ends_lasted_for_some_seconds() -> None:
+    """The next fix is stamped 5.0 s after the last one, before the loss was noticed: the row of fixes is unbroken."""
+
+    def late(frame: Frame) -> Frame:
+        return replace(frame, fixes=tuple(replace(fix, t_ns=fix.t_ns - 700_000_000) for fix in frame.fixes))
+
+    _, events = play(boat(GPS, COMPASS), map(late, outage(without_fix, 30, 33)))
+    lost, regained = (told for told in events if told.code.startswith("fix-"))
+    assert (lost.code, regained.code) == ("fix-lost", "fix-regained")
+    assert 5.0 <= float(str(regained.evidence["seconds"])) <= 6.5
+
+
 def test_a_silent_receiver_is_waited_for_five_periods() -> None:
     estimates, events = play(boat(GPS, COMPASS), outage(without_fix))
     assert [second for second, each in estimates.items() if each.position_from == "coasting"] == list(range(34, 60))

@@ -160,5 +160,7 @@ def test_variants_change_what_they_name_only() -> None:
 
 
 def test_unknown_name_is_told_where_it_was_given() -> None:
-    with pytest.raises(WayfixError, match=r"^lab run: there is no scenario '5.4', did you mean 5.3\?; choose one of: 4.0, 4.1"):
+    with pytest.raises(
+        WayfixError, match=r"^lab run: there is no scenario '5.4', did you mean 5.3\?; choose one of: 4.0, 4.1"
+    ):
         find_scenario("5.4", "lab run")
