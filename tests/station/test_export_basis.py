@@ -90,6 +90,7 @@ def test_a_fix_of_no_use_is_drawn_by_nobody(tmp_path: Path) -> None:
     assert len(told(log, "/fixes/g")) == len(mcap_messages(tmp_path / "a.mcap", "/fixes/g")) == 1
 
 
+@pytest.mark.slow
 def test_maps_have_a_piece_for_each_stretch_and_no_place_of_too_much_doubt(log: Path, tmp_path: Path) -> None:
     assert export(log, "--to", "gpx", tmp_path / "a.gpx") == 0
     segments = gpx_of(tmp_path / "a.gpx").tracks[0].segments
@@ -186,6 +187,7 @@ def written_before(log: Path, path: Path, comma: str = ",") -> Path:
     return rewritten(log, path, change)
 
 
+@pytest.mark.slow
 def test_a_log_of_before_is_the_same_in_a_replay_and_shows_no_heading_of_too_much_doubt(
     slow_log: Path, tmp_path: Path
 ) -> None:

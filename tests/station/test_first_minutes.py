@@ -119,6 +119,7 @@ def test_what_is_missing_is_said_with_its_time_and_how_long_it_takes(lack: Catch
     assert catching_up_text(lack) == f"catching up: {words}"
 
 
+@pytest.mark.slow
 def test_the_tables_of_the_laboratory_fit_80_columns() -> None:
     campaign = Campaign((find_scenario("5.3"),), ("ukf", "fuzzy-thesis"), 2, 1, "stated")
     (result,) = campaign.results(run_tasks(list(campaign.tasks()), 1, lambda: None))

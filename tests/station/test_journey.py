@@ -91,6 +91,7 @@ def test_a_trip_with_another_inside(tmp_path: Path, board: Board) -> None:
     check_each_frame_once(tmp_path, board)
 
 
+@pytest.mark.slow
 def test_a_completed_trip_is_replayed_as_it_was_seen(tmp_path: Path, board: Board) -> None:
     """What came after its end was given to no filter, and `--order time` has it in its place."""
     first, *_ = journey(tmp_path, board)
@@ -123,6 +124,7 @@ def test_what_a_trip_lacks_is_said_until_it_came(tmp_path: Path, board: Board) -
     check_each_frame_once(tmp_path, board)
 
 
+@pytest.mark.slow
 def test_power_cuts_anywhere_leave_each_frame_in_one_trip(tmp_path: Path, board: Board) -> None:
     """The directory as it lies on the disk at some moments of a session that fetches the frames of two trips before."""
     logs = tmp_path / "logs"
