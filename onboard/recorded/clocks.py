@@ -3,8 +3,9 @@
 Receivers, plotters and multiplexers on one wire each have a clock of their own: UTC, local time, GPS time, the time of
 transmission, or a fix repeated for seconds. A recording goes by one of them.
 
-1. The clock with a date and most fixes at different times leads; of those with nearly as many the one whose times come
-   first in the file. A recording without a date goes by the clock with most fixes.
+1. The clock with a date and most fixes at different times leads, one of a satellite talker before all others; of those
+   with nearly as many the one whose times come first in the file. A recording without a date goes by the clock with
+   most fixes.
 2. A clock that gives the same times, or times of its own between them by the same talker, is one with it. Where it is
    another device's (both talkers give the same times) it only stands in where the leading clock is silent.
 3. A clock less than half a period off is used, but not for the time: a receiver may write the time of transmission.
@@ -20,11 +21,14 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
+from onboard.devices.gps.epoch_times import SATELLITE_TALKERS
 from onboard.devices.nmea_fields import DAY_MS, tod_step_ms
 from onboard.recorded.bursts import ReceiverLine
 
 LEAST_SHARE: Final = 0.9
 """Share of the most fixes from which on the place in the file decides who leads: a recording may end in an epoch."""
+RECEIVER_SHARE: Final = 0.1
+"""Share of the most fixes from which on a satellite talker leads before a plotter or another device that repeats it."""
 SAME_SHARE: Final = 0.5
 NEAR_SHARE: Final = 0.8
 """Least share of times that are equal to, or less than half a period off, those of the leading clock."""
@@ -244,6 +248,9 @@ def _leading(voices: Sequence[_Voice]) -> _Voice:
     dated = [voice for voice in voices if voice.dated and voice.fixed]
     among = dated or voices
     most = max(len(voice.fixed) for voice in among)
+    receivers = [voice for voice in among if voice.key[0] in SATELLITE_TALKERS]
+    if most and max((len(voice.fixed) for voice in receivers), default=0) >= RECEIVER_SHARE * most:
+        among, most = receivers, max(len(voice.fixed) for voice in receivers)
     if not most:
         return max(among, key=lambda voice: len(set(voice.tods)))
     nearly = [voice for voice in among if len(voice.fixed) >= LEAST_SHARE * most]

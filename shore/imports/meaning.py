@@ -17,7 +17,7 @@ from common.geodesy import LocalPlane
 from common.messages import Fix, Frame, Heading, TurnRate
 from common.simulation.column_map import ColumnMap
 from common.units import M_S_PER_KN, NS_PER_S, STANDARD_GRAVITY_M_S2
-from shore.imports.window_means import LEAST_WINDOWS, WINDOW_S, Array, Series, WindowMeans, factor_between
+from shore.imports.window_means import LEAST_WINDOWS, MOST_WINDOWS, WINDOW_S, Array, Series, WindowMeans, factor_between
 
 LEAST_SHARE: Final = 0.6
 """Least share of the changes that one factor must explain (r^2)."""
@@ -127,7 +127,7 @@ class MeaningCheck:
         """The same, and what agrees."""
         starts = [series.t_ns[0] for series in self._series.values()]
         ends = [series.t_ns[-1] for series in self._series.values()]
-        if not starts or max(ends) - min(starts) < LEAST_WINDOWS * WINDOW_S * NS_PER_S:
+        if not starts or not LEAST_WINDOWS <= (max(ends) - min(starts)) / NS_PER_S / WINDOW_S <= MOST_WINDOWS:
             return []
         means = WindowMeans(self._series, min(starts), max(ends))
         turn = _yaw_rate_doubt(means)

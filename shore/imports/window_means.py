@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 WINDOW_S: Final = 4.0
 LEAST_WINDOWS: Final = 8
 """So many pairs of windows at least; with fewer nothing is said."""
+MOST_WINDOWS: Final = 200_000
+"""So many windows at most, nine days: a single row of 1970 would ask for years of them."""
 LONGEST_TURN: Final = 10
 """So many windows at most are summed up for a person to see."""
 

@@ -89,7 +89,7 @@ def streams(draw: st.DrawFn) -> Draw:
             st.integers(-2, 20).map(lambda periods: max(-2.0, periods * period_s)),
         )
     )
-    talker, other = draw(st.sampled_from([("GP", "II"), ("GN", "GP"), ("II", "GP"), ("GP", "IN")]))
+    talker, other = draw(st.sampled_from([("GP", "II"), ("GN", "GP"), ("II", "HC"), ("GP", "IN")]))
     copied = draw(st.sampled_from([kinds, kinds[:1], kinds[-1:]]))
     lines: list[bytes] = []
     both: list[bytes] = []
@@ -110,6 +110,17 @@ def test_another_clock_changes_neither_length_nor_utc(drawn: Draw) -> None:
     assert abs(beside.at_ns[-1] - alone.at_ns[-1]) <= drawn.period_s * NS_PER_S
     assert alone.first_utc_ms is not None
     assert beside.first_utc_ms == pytest.approx(alone.first_utc_ms, abs=drawn.period_s * 1000)
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_a_receiver_leads_before_a_plotter_that_speaks_first_or_more_often(every: int) -> None:
+    lines: list[bytes] = []
+    for k in range(60):
+        utc = START + timedelta(seconds=k)
+        lines += [said("II", "RMC", utc + timedelta(hours=2)), *([] if k % every else [said("GP", "RMC", utc)])]
+    first_ms = sentence_times(lines).first_utc_ms
+    assert first_ms is not None
+    assert first_ms == pytest.approx(START.timestamp() * 1000.0, abs=1000.0)  # of the plotter's line before it
 
 
 @needs_cases

@@ -52,11 +52,12 @@ def paired(directory: Path, process: Process, keys: Path, *rights: str) -> None:
 
 def test_paired_once_the_boat_is_found_and_others_are_refused(tmp_path: Path) -> None:
     keys, stranger = tmp_path / "keys", tmp_path / "stranger"
-    frames = ("connect", "--no-log", "--frames", "5", "--period", "0.1")
+    logged = ("connect", "--frames", "5", "--period", "0.1")
+    frames = (*logged, "--no-log")
     with board(tmp_path) as running:
         place = address_of(running)
         paired(tmp_path, running, keys)
-        found = command("wayfix", *frames, "--keys", keys, "--log", tmp_path / "log")
+        found = command("wayfix", *logged, "--keys", keys, "--log", tmp_path / "log")
         assert found.returncode == 0, found.stderr
         assert f"b is at {place} (last address of b)" in found.stderr
         assert "OPEN" not in found.stderr
