@@ -184,7 +184,7 @@ def _json_kind(path: Path, lines: list[bytes]) -> RecordingKind | None:
             votes[RecordingKind.GPSD] += 1
     if votes:
         return votes.most_common(1)[0][0]
-    if _BEGINS_JSON.match(lines[0]):
+    if _BEGINS_JSON.match(lines[0]) and not _SENTENCE.search(lines[0]):  # a time stamp may stand in brackets
         _refuse_json(path, b"\n".join(lines[:200])[:4096].decode(errors="replace"))
     return None
 
@@ -223,7 +223,9 @@ def _refuse_json(path: Path, text: str) -> NoReturn:
 def _is_server_line(line: bytes) -> bool:
     """True for a sentence or a delta of a server's log, not for a table whose columns are parted by semicolons."""
     match = SERVER_LINE.match(line.decode(errors="replace"))
-    return match is not None and re.match(r"[+-]?[0-9.,]*(;|$)", match[3]) is None
+    if match is None or re.match(r"[+-]?[0-9.,]*(;|$)", match[3]):
+        return False
+    return re.search(r"[$!{,\\]", match[3]) is not None
 
 
 def _is_binary(head: bytes) -> bool:

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shore.imports.json_lines import one_object_a_line
+from shore.imports.recognise import RecordingKind, recognise
 from tests.cases import CASES, needs_cases
 from tests.station.imports import Importer, delta, tpv
 
@@ -75,3 +76,20 @@ def test_an_array_of_deltas(importer: Importer) -> None:
     place = {"latitude": 60.0, "longitude": 20.0}
     text = json.dumps([json.loads(delta(second, "gps", position=place)) for second in range(5)])
     assert len(importer.text(text).fixes) == 5
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("[2026-05-12 10:08:00] $GPRMC,100800,A,4213.8,N,00844.4,W,5.0,90.0,120526,,*1B\n", RecordingKind.SERIAL),
+        ("[10:08:00.200] $GPRMC,100800,A,4213.8,N,00844.4,W,5.0,90.0,120526,,*1B\n", RecordingKind.SERIAL),
+        ("UTC;Pos Lat;Pos Lon\n" + "2026-05-12T10:08:00Z;N4213.80000;W00844.40000\n" * 5, RecordingKind.TABLE),
+        ("1526118480000;nmea;$GPRMC,100800,A,4213.8,N,00844.4,W,5.0,90.0,120526,,*1B\n", RecordingKind.SIGNALK_LOG),
+    ],
+)
+def test_a_time_in_brackets_is_no_json_and_a_table_of_places_no_server_log(
+    text: str, kind: RecordingKind, tmp_path: Path
+) -> None:
+    file = tmp_path / "recording"
+    file.write_text(text * 3, encoding="utf-8")
+    assert recognise(file, has_map=kind is RecordingKind.TABLE, is_serial=False) is kind
