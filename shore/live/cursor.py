@@ -85,10 +85,13 @@ class Cursor:
         except (OSError, ValueError, KeyError, TypeError):
             say(f"{self._path}: not readable; the boat is taken for a new one, and frames are asked for from now on")
             return Ledger()
-        if log.exists():
-            _add_newer(ledger, log, since_ns, self._boat_id)
-        for _, late in late_logs(self._path.parent):  # of a station that was killed before it put them into the trip
-            _add_newer(ledger, late, 0, self._boat_id)
+        logs = [(log, since_ns)] if log.exists() else []
+        # Late ones are of a station that was killed before it put them into the trip.
+        for path, from_ns in (*logs, *((late, 0) for _, late in late_logs(self._path.parent))):
+            try:
+                _add_newer(ledger, path, from_ns, self._boat_id)
+            except WayfixError as error:
+                say(f"frames that this log may hold are asked for once more: {error}")
         return ledger
 
 

@@ -35,8 +35,9 @@ class EarlierTrips:
         """Keep a frame of the trip whose log has this name. Raises WayfixError."""
         writer = self._writers.get(trip)
         if writer is None:
-            writer = self._writers[trip] = late_log(self._directory / trip)
-            writer.write_session(_start_of(self._directory / trip) or arrival.start.record, arrival.log_time_ns)
+            log = self._directory / trip
+            start = _start_of(log) or arrival.start.record
+            writer = self._writers[trip] = late_log(log, start, arrival.log_time_ns)
         LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
 
     def drop_gone(self) -> list[str]:

@@ -237,13 +237,26 @@ def log_at(path: Path) -> LogWriter:
         raise WayfixError(f"cannot be written ({error.strerror})", str(path), "check space and rights") from error
 
 
-def late_log(trip: Path) -> LogWriter:
-    """Begin `<trip>-late.mcap` beside the log of a trip, for what comes after its end; raises WayfixError."""
+def late_log(trip: Path, start: dict[str, Any], utc_ns: int) -> LogWriter:
+    """Begin `<trip>-late.mcap` beside the log of a trip, for what comes after its end.
+
+    start: its first session record. Raises WayfixError; no file is left behind then.
+    """
     try:
         trip.parent.mkdir(parents=True, exist_ok=True)
-        return LogWriter(_new_file(trip.parent, f"{trip.stem}{LATE}"))
+        file = _new_file(trip.parent, f"{trip.stem}{LATE}")
     except OSError as error:
         raise WayfixError(f"no log can be written here ({error.strerror})", str(trip.parent), "check space") from error
+    try:
+        writer = LogWriter(file)
+        writer.write_session(start, utc_ns)
+    except WayfixError:
+        with suppress(OSError):
+            file.close()
+        with suppress(OSError):
+            Path(os.fsdecode(file.name)).unlink()
+        raise
+    return writer
 
 
 def late_logs(directory: Path) -> list[tuple[Path, Path]]:

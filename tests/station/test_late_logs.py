@@ -1,0 +1,43 @@
+"""Logs of late frames that are empty, damaged, foreign or wanted by two stations: the trips stay whole."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from common.errors import WayfixError
+from common.messages import Frame
+from shore.live.cursor import Cursor
+from shore.logbook.log_writer import late_log
+from tests.station.journeys import Board, session
+from tests.station.logs import UTC_NS
+
+
+@pytest.fixture
+def board(voyage: list[Frame]) -> Board:
+    return Board(voyage)
+
+
+@pytest.mark.parametrize("content", [b"", b"no log at all"])
+def test_a_late_log_that_is_no_log_keeps_no_station_away(tmp_path: Path, board: Board, content: bytes) -> None:
+    log = session(tmp_path, board, 1.0)[0].log_path
+    assert log is not None
+    odd = log.with_name(f"{log.stem}-late.mcap")
+    odd.write_bytes(content)
+    said: list[str] = []
+    cursor = Cursor(tmp_path, "springer", said.append)
+    cursor.close()
+    assert [str(odd) in line for line in said] == [True]
+    assert [start["seen"] for start in cursor.ledger.as_record()] == [[[0, 9]]]
+
+
+def test_a_late_log_that_cannot_begin_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("shore.logbook.log_writer.os.fsync", full)
+    monkeypatch.setattr("shore.logbook.log_writer.sync_directory", lambda _directory: None)
+    with pytest.raises(WayfixError, match="No space left"):
+        late_log(tmp_path / "trip.mcap", {"kind": "start"}, UTC_NS)
+    assert list(tmp_path.iterdir()) == []
