@@ -9,6 +9,8 @@ import pytest
 from common.errors import WayfixError
 from common.messages import Frame
 from shore.live.cursor import Cursor
+from shore.live.earlier_trips import complete_trips
+from shore.logbook.log_reader import read_log
 from shore.logbook.log_writer import late_log
 from tests.station.journeys import Board, session
 from tests.station.logs import UTC_NS
@@ -17,6 +19,15 @@ from tests.station.logs import UTC_NS
 @pytest.fixture
 def board(voyage: list[Frame]) -> Board:
     return Board(voyage)
+
+
+def trip_and_late(directory: Path, board: Board) -> tuple[Path, Path]:
+    """The log of a trip, and beside it what came late of it: 30 frames."""
+    log = session(directory, board, 1.0)[0].log_path
+    assert log is not None
+    board.make(30)
+    session(directory, board, 2.0)
+    return log, log.with_name(f"{log.stem}-late.mcap")
 
 
 @pytest.mark.parametrize("content", [b"", b"no log at all"])
@@ -41,3 +52,21 @@ def test_a_late_log_that_cannot_begin_leaves_no_file(tmp_path: Path, monkeypatch
     with pytest.raises(WayfixError, match="No space left"):
         late_log(tmp_path / "trip.mcap", {"kind": "start"}, UTC_NS)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_late_log_stays_a_log_of_its_own(tmp_path: Path, board: Board) -> None:
+    log, late = trip_and_late(tmp_path, board)
+    content = bytearray(late.read_bytes())
+    zstd = b"\x28\xb5\x2f\xfd"
+    content[content.index(zstd, content.index(zstd) + 4) + 60] ^= 0xFF  # in the second chunk
+    late.write_bytes(content)
+    reader = read_log(late)
+    assert len(list(reader.frames())) < 30
+    assert reader.losses
+    assert not reader.is_cut
+    before, said = log.read_bytes(), list[str]()
+    complete_trips(tmp_path, said.append)
+    assert said == [
+        f"{late} stays a log of its own: {late}: is damaged; `wayfix log verify` says what is wrong with it"
+    ]
+    assert (log.read_bytes(), late.read_bytes()) == (before, bytes(content))
