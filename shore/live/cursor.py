@@ -11,7 +11,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Final
 
-from common.atomic_file import part_of
+from common.atomic_file import whole_file
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from shore.link.frame_ledger import Ledger, StartLedger
@@ -62,11 +62,10 @@ class Cursor:
             "log_time_ns": log_time_ns,
             "starts": self.ledger.as_record(),
         }
-        part = part_of(self._path)
 
         def save() -> None:
-            part.write_text(json.dumps(record, separators=(",", ":")), encoding="utf-8")
-            part.replace(self._path)
+            with whole_file(self._path) as stream:
+                stream.write(json.dumps(record, separators=(",", ":")).encode())
 
         return save
 

@@ -70,3 +70,25 @@ def test_a_damaged_late_log_stays_a_log_of_its_own(tmp_path: Path, board: Board)
         f"{late} stays a log of its own: {late}: is damaged; `wayfix log verify` says what is wrong with it"
     ]
     assert (log.read_bytes(), late.read_bytes()) == (before, bytes(content))
+
+
+def test_a_cursor_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cursor = Cursor(tmp_path, "springer", print)
+    save = cursor.saver(tmp_path / "trip.mcap", UTC_NS)
+    done: list[str] = []
+    replace = Path.replace
+
+    def replaced(source: Path, target: Path) -> Path:
+        done.append("replace")
+        return replace(source, target)
+
+    monkeypatch.setattr(
+        "common.atomic_file.os.fsync", lambda number: done.append(str(Path(f"/proc/self/fd/{number}").readlink()))
+    )
+    monkeypatch.setattr(Path, "replace", replaced)
+    save()
+    cursor.close()
+    file, renamed, directory = done
+    assert Path(file).name.startswith(".springer.cursor.")
+    assert (renamed, directory) == ("replace", str(tmp_path))
+    assert (tmp_path / "springer.cursor").is_file()
