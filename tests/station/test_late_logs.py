@@ -2,6 +2,7 @@
 
 import errno
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -92,3 +93,25 @@ def test_a_cursor_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypa
     assert Path(file).name.startswith(".springer.cursor.")
     assert (renamed, directory) == ("replace", str(tmp_path))
     assert (tmp_path / "springer.cursor").is_file()
+
+
+def test_no_cursor_claims_frames_of_a_log_that_was_removed(
+    tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    claims: list[int] = []
+    before: list[int] = []
+    saver = Cursor.saver
+
+    def noted(cursor: Cursor, log: Path, log_time_ns: int) -> Callable[[], None]:
+        seen = [item for start in cursor.ledger.as_record() for item in start["seen"]]
+        claims.append(sum(last - first + 1 for first, last in seen))
+        return saver(cursor, log, log_time_ns)
+
+    def removed() -> None:
+        if board.count == 15 and not before:
+            before.append(len(claims))
+            next(tmp_path.glob("*.mcap")).unlink()
+
+    monkeypatch.setattr(Cursor, "saver", noted)
+    session(tmp_path, board, 3.0, look=removed)
+    assert claims[before[0]] == 0
