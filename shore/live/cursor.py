@@ -16,8 +16,7 @@ from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from shore.link.frame_ledger import Ledger, StartLedger
 from shore.logbook.lock import is_being_written, lock
-from shore.logbook.log_reader import read_log
-from shore.logbook.log_writer import late_logs
+from shore.logbook.log_reader import late_logs, read_log
 from shore.logbook.schemas import FRAMES
 
 FORM: Final = 1

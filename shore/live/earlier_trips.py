@@ -12,8 +12,8 @@ from typing import Final
 from common.errors import WayfixError
 from common.words import counted
 from shore.logbook.lock import is_being_written
-from shore.logbook.log_reader import read_log
-from shore.logbook.log_writer import LogWriter, late_log, late_logs
+from shore.logbook.log_reader import late_logs, read_log
+from shore.logbook.log_writer import LogWriter, late_log
 from shore.pipeline import Output
 from shore.terminal import every_end_is_ctrl_c
 from shore.trips.complete import complete
@@ -85,5 +85,5 @@ def complete_trips(directory: Path, say: Callable[[str], None]) -> None:
 def _start_of(trip: Path) -> dict[str, object] | None:
     """The first session record of a log, where there is one."""
     with suppress(WayfixError):
-        return next((record for record in read_log(trip).session() if record["kind"] == "start"), None)
+        return read_log(trip).start()
     return None

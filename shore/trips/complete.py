@@ -29,7 +29,7 @@ def complete(trip: Path, late: Path) -> int:
     def added(result: Examination) -> Added:
         if result.state not in ("whole", "cut") or _lost_records(result.reader):
             raise WayfixError(f"is {result.state}", str(trip), _CURE)
-        reader = LogReader(late)
+        reader, boat_id = LogReader(late), result.trip.as_record()["boat"]
         for number, record in _records(reader):
             if record.topic == FRAMES:
                 try:
@@ -37,6 +37,8 @@ def complete(trip: Path, late: Path) -> int:
                 except CodecError as error:
                     what = f"holds a frame that is not understood ({error.what})"
                     raise WayfixError(what, str(late), _CURE) from error
+                if boat_id not in (None, frame.boat_id):
+                    raise WayfixError(f"holds a frame of another boat ({frame.boat_id})", str(late), "keep both")
                 if not result.census.holds(frame):
                     new.add(number)
                     result.census.frame(frame)

@@ -3,10 +3,12 @@
 import errno
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from common.codec import encode_frame
 from common.errors import WayfixError
 from common.messages import Frame
 from shore.live.cursor import Cursor
@@ -14,7 +16,7 @@ from shore.live.earlier_trips import complete_trips
 from shore.logbook.log_reader import read_log
 from shore.logbook.log_writer import late_log
 from tests.station.journeys import Board, session
-from tests.station.logs import UTC_NS
+from tests.station.logs import UTC_NS, log_of
 
 
 @pytest.fixture
@@ -77,11 +79,11 @@ def test_a_cursor_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypa
     cursor = Cursor(tmp_path, "springer", print)
     save = cursor.saver(tmp_path / "trip.mcap", UTC_NS)
     done: list[str] = []
-    replace = Path.replace
+    move = Path.replace
 
     def replaced(source: Path, target: Path) -> Path:
         done.append("replace")
-        return replace(source, target)
+        return move(source, target)
 
     monkeypatch.setattr(
         "common.atomic_file.os.fsync", lambda number: done.append(str(Path(f"/proc/self/fd/{number}").readlink()))
@@ -115,3 +117,26 @@ def test_no_cursor_claims_frames_of_a_log_that_was_removed(
     monkeypatch.setattr(Cursor, "saver", noted)
     session(tmp_path, board, 3.0, look=removed)
     assert claims[before[0]] == 0
+
+
+def test_a_trip_of_a_boat_whose_name_ends_in_late_is_no_late_log(tmp_path: Path, voyage: list[Frame]) -> None:
+    trip = log_of(tmp_path, voyage[:10])
+    other = trip.with_name(f"{trip.stem}-late.mcap")
+    trip.rename(other)  # the same boat even: what its log is named proves nothing
+    log_of(tmp_path, voyage[10:20])
+    said: list[str] = []
+    complete_trips(tmp_path, said.append)
+    assert said == []
+    assert (len(list(read_log(trip).frames())), len(list(read_log(other).frames()))) == (10, 10)
+
+
+def test_frames_of_another_boat_are_put_into_no_trip(tmp_path: Path, voyage: list[Frame]) -> None:
+    trip = log_of(tmp_path, voyage[:10])
+    writer = late_log(trip, {"kind": "start"}, UTC_NS)
+    stranger = replace(voyage[10], boat_id="other")
+    writer.write_frame(encode_frame(stranger), stranger, UTC_NS)
+    writer.close()
+    said: list[str] = []
+    complete_trips(tmp_path, said.append)
+    assert [line.endswith("holds a frame of another boat (other); keep both") for line in said] == [True]
+    assert writer.path.exists()
