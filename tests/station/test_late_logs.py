@@ -11,6 +11,7 @@ import pytest
 from common.codec import encode_frame
 from common.errors import WayfixError
 from common.messages import Frame
+from shore.link.frame_ledger import Ledger
 from shore.live.cursor import Cursor
 from shore.live.earlier_trips import complete_trips
 from shore.logbook.log_reader import read_log
@@ -140,3 +141,14 @@ def test_frames_of_another_boat_are_put_into_no_trip(tmp_path: Path, voyage: lis
     complete_trips(tmp_path, said.append)
     assert [line.endswith("holds a frame of another boat (other); keep both") for line in said] == [True]
     assert writer.path.exists()
+
+
+def test_a_start_that_greets_once_more_is_the_newest_again() -> None:
+    """Two boxes of one boat, connected in turn: the backfill begins with the newest frame of the one that greeted."""
+    ledger = Ledger()
+    for name in ("x", "y", "x"):
+        ledger.greet(name, 5, [(name, 0, 5)])
+    ledger.take("x", 5, 5)
+    ledger.take("y", 5, 5)
+    assert ledger.is_newest("x", 5)
+    assert not ledger.is_newest("y", 5)
