@@ -49,7 +49,7 @@ def complete(trip: Path, late: Path) -> int:
         return Added([_completed(late)], lambda: _new(late, new), [summary], summary)
 
     rewrite(trip, trip.resolve(), added, lambda _step, _scan: None, "free some space; both logs are as they were")
-    late.unlink()
+    late.unlink(missing_ok=True)
     return len(new)
 
 

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,8 +15,10 @@ from common.messages import Frame
 from shore.link.frame_ledger import Ledger
 from shore.live.cursor import Cursor
 from shore.live.earlier_trips import complete_trips
-from shore.logbook.log_reader import read_log
+from shore.logbook.lock import turn_in
+from shore.logbook.log_reader import late_logs, read_log
 from shore.logbook.log_writer import late_log
+from shore.trips.complete import complete
 from tests.station.journeys import Board, session
 from tests.station.logs import UTC_NS, log_of
 
@@ -152,3 +155,60 @@ def test_a_start_that_greets_once_more_is_the_newest_again() -> None:
     ledger.take("y", 5, 5)
     assert ledger.is_newest("x", 5)
     assert not ledger.is_newest("y", 5)
+
+
+def two_late_logs(directory: Path, voyage: list[Frame]) -> list[Path]:
+    """Of two trips, one frame each."""
+    made = []
+    for number in range(2):
+        writer = late_log(log_of(directory, voyage[:10]), {"kind": "start"}, UTC_NS)
+        writer.write_frame(encode_frame(voyage[20 + number]), voyage[20 + number], UTC_NS)
+        writer.close()
+        made.append(writer.path)
+    return made
+
+
+def test_a_trip_that_another_station_completed_keeps_no_other_from_it(
+    tmp_path: Path, voyage: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = sorted(two_late_logs(tmp_path, voyage))
+
+    def removed(trip: Path, late: Path) -> int:
+        if late == first:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(late))
+        return complete(trip, late)
+
+    monkeypatch.setattr("shore.live.earlier_trips.complete", removed)
+    complete_trips(tmp_path, print)
+    assert (first.exists(), second.exists()) == (True, False)
+
+
+def test_two_stations_complete_the_trips_of_a_directory_in_turn(
+    tmp_path: Path, voyage: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    two_late_logs(tmp_path, voyage)
+    said: list[str] = []
+    others: list[threading.Thread] = []
+
+    def slow(trip: Path, late: Path) -> int:
+        if not others:  # another station ends in this very moment, and has to wait until this one is done
+            asked = threading.Event()
+
+            def waits() -> None:
+                said.append("waits")
+                asked.set()
+
+            def other() -> None:
+                with turn_in(tmp_path, waits):
+                    said.append(f"{len(late_logs(tmp_path))} left")
+                asked.set()
+
+            others.append(threading.Thread(target=other))
+            others[0].start()
+            assert asked.wait(10.0)
+        return complete(trip, late)
+
+    monkeypatch.setattr("shore.live.earlier_trips.complete", slow)
+    complete_trips(tmp_path, lambda _line: None)
+    others[0].join(10.0)
+    assert said == ["waits", "0 left"]
