@@ -15,8 +15,7 @@ from shore.exports.first_pass import Survey, survey_of
 from shore.exports.formats import FORMATS, HEAD, Format, format_of
 from shore.exports.table import NAMES
 from shore.exports.track import RAW, ExportTrack
-from shore.logbook.log_reader import LogReader, read_log
-from shore.logbook.log_writer import late_logs
+from shore.logbook.log_reader import LogReader, late_logs, read_log
 from shore.navigation.estimate import MOST_DOUBT_M
 from shore.navigation.timeline import HORIZON_S
 from shore.terminal import every_end_is_ctrl_c, filters_named, finish, say, tell

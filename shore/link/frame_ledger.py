@@ -45,6 +45,8 @@ class Ledger:
 
     def __init__(self, starts: Iterable[StartLedger] = ()) -> None:
         self._starts = {start.boot_id: start for start in starts}
+        self._running: str | None = None
+        """The start that greeted last."""
 
     def greet(self, boot_id: str, next_seq: int, runs: Iterable[tuple[str, int, int]]) -> None:
         """`connected` came: own start, its next frame, and (boot_id, first_seq, next_seq) of what the board holds.
@@ -63,6 +65,7 @@ class Ledger:
                 self._starts[name] = StartLedger(name, 0, upto)
         if boot_id not in self._starts:
             self._starts[boot_id] = StartLedger(boot_id, next_seq if is_new_here else 0, next_seq)
+        self._running = boot_id
         own = self._starts[boot_id]
         own.upto = max(own.upto, next_seq)
         while len(self._starts) > MAX_STARTS:
@@ -145,8 +148,8 @@ class Ledger:
                 yield part, end - 1
 
     def is_newest(self, boot_id: str, seq: int) -> bool:
-        """True for the newest frame of the newest start, as far as is known."""
-        return boot_id == next(reversed(self._starts)) and seq + 1 >= self._starts[boot_id].upto
+        """True for the newest frame of the start that greeted last, as far as is known."""
+        return boot_id == self._running and seq + 1 >= self._starts[boot_id].upto
 
     @property
     def has_hole(self) -> bool:

@@ -11,13 +11,12 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Final
 
-from common.atomic_file import part_of
+from common.atomic_file import whole_file
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
 from shore.link.frame_ledger import Ledger, StartLedger
 from shore.logbook.lock import is_being_written, lock
-from shore.logbook.log_reader import read_log
-from shore.logbook.log_writer import late_logs
+from shore.logbook.log_reader import late_logs, read_log
 from shore.logbook.schemas import FRAMES
 
 FORM: Final = 1
@@ -62,11 +61,10 @@ class Cursor:
             "log_time_ns": log_time_ns,
             "starts": self.ledger.as_record(),
         }
-        part = part_of(self._path)
 
         def save() -> None:
-            part.write_text(json.dumps(record, separators=(",", ":")), encoding="utf-8")
-            part.replace(self._path)
+            with whole_file(self._path) as stream:
+                stream.write(json.dumps(record, separators=(",", ":")).encode())
 
         return save
 
@@ -85,10 +83,13 @@ class Cursor:
         except (OSError, ValueError, KeyError, TypeError):
             say(f"{self._path}: not readable; the boat is taken for a new one, and frames are asked for from now on")
             return Ledger()
-        if log.exists():
-            _add_newer(ledger, log, since_ns, self._boat_id)
-        for _, late in late_logs(self._path.parent):  # of a station that was killed before it put them into the trip
-            _add_newer(ledger, late, 0, self._boat_id)
+        logs = [(log, since_ns)] if log.exists() else []
+        # Late ones are of a station that was killed before it put them into the trip.
+        for path, from_ns in (*logs, *((late, 0) for _, late in late_logs(self._path.parent))):
+            try:
+                _add_newer(ledger, path, from_ns, self._boat_id)
+            except WayfixError as error:
+                say(f"frames that this log may hold are asked for once more: {error}")
         return ledger
 
 

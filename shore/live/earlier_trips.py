@@ -11,9 +11,9 @@ from typing import Final
 
 from common.errors import WayfixError
 from common.words import counted
-from shore.logbook.lock import is_being_written
-from shore.logbook.log_reader import read_log
-from shore.logbook.log_writer import LogWriter, late_log, late_logs
+from shore.logbook.lock import is_being_written, turn_in
+from shore.logbook.log_reader import late_logs, read_log
+from shore.logbook.log_writer import LogWriter, late_log
 from shore.pipeline import Output
 from shore.terminal import every_end_is_ctrl_c
 from shore.trips.complete import complete
@@ -35,8 +35,9 @@ class EarlierTrips:
         """Keep a frame of the trip whose log has this name. Raises WayfixError."""
         writer = self._writers.get(trip)
         if writer is None:
-            writer = self._writers[trip] = late_log(self._directory / trip)
-            writer.write_session(_start_of(self._directory / trip) or arrival.start.record, arrival.log_time_ns)
+            log = self._directory / trip
+            start = _start_of(log) or arrival.start.record
+            writer = self._writers[trip] = late_log(log, start, arrival.log_time_ns)
         LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
 
     def drop_gone(self) -> list[str]:
@@ -64,25 +65,29 @@ def complete_trips(directory: Path, say: Callable[[str], None]) -> None:
     What cannot be put there (the log is gone, is damaged or is being written) stays a log of its own, and that is said;
     so does all after Ctrl-C, until the next session ends.
     """
-    with suppress(OSError), every_end_is_ctrl_c():
+    waits = "another station puts what came late into trips here; waiting for it (Ctrl-C leaves it for the next time)"
+    with suppress(OSError, KeyboardInterrupt), every_end_is_ctrl_c(), turn_in(directory, lambda: say(waits)):
         for trip, late in late_logs(directory):
-            if is_being_written(late):
-                continue
-            if trip.exists() and trip.stat().st_size > LONG_BYTES:
-                say(f"{trip}: what came late is put into it, which takes a while (Ctrl-C leaves it for the next time)")
-            try:
-                count = complete(trip, late)
-            except WayfixError as error:
-                say(f"{late} stays a log of its own: {error}")
-            except KeyboardInterrupt:
-                say(f"{late} stays a log of its own until the next `wayfix connect` ends")
-                return
-            else:
-                say(f"{trip}: {counted(count, 'frame')} that came late {'is' if count == 1 else 'are'} in it now")
+            if not is_being_written(late):
+                _complete(trip, late, say)
+
+
+def _complete(trip: Path, late: Path, say: Callable[[str], None]) -> None:
+    try:
+        if trip.exists() and trip.stat().st_size > LONG_BYTES:
+            say(f"{trip}: what came late is put into it, which takes a while (Ctrl-C leaves it for the next time)")
+        count = complete(trip, late)
+    except (WayfixError, OSError) as error:
+        say(f"{late} stays a log of its own: {error}")
+    except KeyboardInterrupt:
+        say(f"{late} stays a log of its own until the next `wayfix connect` ends")
+        raise
+    else:
+        say(f"{trip}: {counted(count, 'frame')} that came late {'is' if count == 1 else 'are'} in it now")
 
 
 def _start_of(trip: Path) -> dict[str, object] | None:
     """The first session record of a log, where there is one."""
     with suppress(WayfixError):
-        return next((record for record in read_log(trip).session() if record["kind"] == "start"), None)
+        return read_log(trip).start()
     return None

@@ -50,12 +50,15 @@ class LiveLog(LogWatcher):
         return self._recorder.is_gone
 
     def begin_again(self, start: Start, t_ns: int) -> list[str]:
-        """Begin another log in place of one that is gone; returns the earlier trips whose late frames are gone too."""
+        """Begin another log in place of one that is gone; returns the earlier trips whose late frames are gone too.
+
+        There is no checkpoint before the ledger has forgotten these trips: it would claim frames that no log holds.
+        """
         gone = self._earlier.drop_gone() if self._earlier is not None else []
         self._recorder.begin_again()
         if (cursor := self._cursor) is not None:
             self._recorder.write(lambda _own: cursor.claim())
-        self.begin(start, t_ns)
+        super().begin(start, t_ns)
         return gone
 
     def complete(self, trip: str, arrival: Arrival) -> None:

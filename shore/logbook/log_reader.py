@@ -10,6 +10,7 @@ one.
 """
 
 import os
+import re
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -27,9 +28,10 @@ from shore.logbook.mcap.records import MAGIC
 from shore.logbook.mcap.scan import Scan, is_log
 from shore.logbook.mcap.walk import Item
 from shore.logbook.record_checks import FormError, content_of
-from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION
+from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, LATE, LATE_OF, SESSION
 
 _BUFFER: Final = 2**18
+_LATE_NAME: Final = re.compile(rf"(?P<trip>.+){LATE}(-\d+)?\.mcap")
 
 
 class LogRecord(NamedTuple):
@@ -190,6 +192,10 @@ class LogReader:
         """Session records: `kind` start (configuration, versions, filters, options), trip, operator, end, summary."""
         return self._contents(SESSION)
 
+    def start(self) -> dict[str, Any] | None:
+        """The first session record of kind start; `None` = it has none."""
+        return next((record for record in self.session() if record["kind"] == "start"), None)
+
     def _contents(self, topic: str) -> Iterator[dict[str, Any]]:
         return (content for record in self.records(topic) if (content := self.content(record)) is not None)
 
@@ -234,3 +240,20 @@ def near_name(path: Path) -> str:
 def read_log(path: str | Path) -> LogReader:
     """Open a log; raises WayfixError with one sentence when it cannot be."""
     return LogReader(Path(path))
+
+
+def late_logs(directory: Path) -> list[tuple[Path, Path]]:
+    """The logs of late frames in a directory, each behind the path of the trip that it belongs to. Raises OSError.
+
+    One that cannot be read is among them, so that its reader says what is wrong with it.
+    """
+    found = [(path, _LATE_NAME.fullmatch(path.name)) for path in sorted(directory.glob(f"*{LATE}*.mcap"))]
+    return [(path.with_name(f"{match['trip']}.mcap"), path) for path, match in found if match and _may_be_late(path)]
+
+
+def _may_be_late(path: Path) -> bool:
+    try:
+        start = LogReader(path).start()
+    except WayfixError:
+        return True
+    return start is None or LATE_OF in start

@@ -32,15 +32,24 @@ from common.units import NS_PER_S
 from shore.logbook import foxglove
 from shore.logbook.estimate_rounding import logged
 from shore.logbook.lock import lock
-from shore.logbook.schemas import ESTIMATES, EVENTS, FIXES, FRAMES, LINK, POSITIONS, SESSION, TRIP, json_schema
+from shore.logbook.schemas import (
+    ESTIMATES,
+    EVENTS,
+    FIXES,
+    FRAMES,
+    LATE,
+    LATE_OF,
+    LINK,
+    POSITIONS,
+    SESSION,
+    TRIP,
+    json_schema,
+)
 from shore.logbook.summary import TripSummary
 
 _LARGEST_TIME: Final = 2**64 - 1
 WRONG_CLOCK_NS: Final = 60 * NS_PER_S
 """A station's clock that is further from the boat's UTC names no log, ns."""
-LATE: Final = "-late"
-"""Behind the name of a trip: frames of it that came after its end, until they are put into its log."""
-_LATE_NAME: Final = re.compile(rf"(?P<trip>.+){LATE}(-\d+)?\.mcap")
 
 
 class LogWriter:
@@ -237,19 +246,26 @@ def log_at(path: Path) -> LogWriter:
         raise WayfixError(f"cannot be written ({error.strerror})", str(path), "check space and rights") from error
 
 
-def late_log(trip: Path) -> LogWriter:
-    """Begin `<trip>-late.mcap` beside the log of a trip, for what comes after its end; raises WayfixError."""
+def late_log(trip: Path, start: dict[str, Any], utc_ns: int) -> LogWriter:
+    """Begin `<trip>-late.mcap` beside the log of a trip, for what comes after its end.
+
+    start: what its first session record says beside that. Raises WayfixError; no file is left behind then.
+    """
     try:
         trip.parent.mkdir(parents=True, exist_ok=True)
-        return LogWriter(_new_file(trip.parent, f"{trip.stem}{LATE}"))
+        file = _new_file(trip.parent, f"{trip.stem}{LATE}")
     except OSError as error:
         raise WayfixError(f"no log can be written here ({error.strerror})", str(trip.parent), "check space") from error
-
-
-def late_logs(directory: Path) -> list[tuple[Path, Path]]:
-    """The logs of late frames in a directory, each behind the path of the trip that it belongs to. Raises OSError."""
-    found = [(path, _LATE_NAME.fullmatch(path.name)) for path in sorted(directory.glob(f"*{LATE}*.mcap"))]
-    return [(path.with_name(f"{match['trip']}.mcap"), path) for path, match in found if match]
+    try:
+        writer = LogWriter(file)
+        writer.write_session({**start, LATE_OF: trip.name}, utc_ns)
+    except WayfixError:
+        with suppress(OSError):
+            file.close()
+        with suppress(OSError):
+            Path(os.fsdecode(file.name)).unlink()
+        raise
+    return writer
 
 
 def _stem(boat_id: str, utc_ns: int) -> str:

@@ -27,31 +27,41 @@ def complete(trip: Path, late: Path) -> int:
     new: set[int] = set()
 
     def added(result: Examination) -> Added:
-        if not (result.state in ("whole", "cut") and len(result.reader.losses) <= int(result.reader.is_cut)):
+        if result.state not in ("whole", "cut") or _lost_records(result.reader):
             raise WayfixError(f"is {result.state}", str(trip), _CURE)
-        for number, record in _records(late):
+        reader, boat_id = LogReader(late), result.trip.as_record()["boat"]
+        for number, record in _records(reader):
             if record.topic == FRAMES:
                 try:
                     frame = decode_frame(record.data)
                 except CodecError as error:
                     what = f"holds a frame that is not understood ({error.what})"
                     raise WayfixError(what, str(late), _CURE) from error
+                if boat_id not in (None, frame.boat_id):
+                    raise WayfixError(f"holds a frame of another boat ({frame.boat_id})", str(late), "keep both")
                 if not result.census.holds(frame):
                     new.add(number)
                     result.census.frame(frame)
                     result.trip.frame(frame)
+        if _lost_records(reader):
+            raise WayfixError("is damaged", str(late), _CURE)
         summary = {"kind": "summary", **result.trip.as_record()}
         return Added([_completed(late)], lambda: _new(late, new), [summary], summary)
 
     rewrite(trip, trip.resolve(), added, lambda _step, _scan: None, "free some space; both logs are as they were")
-    late.unlink()
+    late.unlink(missing_ok=True)
     return len(new)
 
 
-def _records(late: Path) -> Iterator[tuple[int, Whole]]:
+def _lost_records(reader: LogReader) -> bool:
+    """True when a log that was read lost more than its end."""
+    return len(reader.losses) > int(reader.is_cut)
+
+
+def _records(late: LogReader) -> Iterator[tuple[int, Whole]]:
     """The records of a log with their numbers."""
     scans: list[Scan] = []
-    with closing(LogReader(late).items(lambda scan: scans.append(scan) if not scans else None)) as items:
+    with closing(late.items(lambda scan: scans.append(scan) if not scans else None)) as items:
         for number, item in enumerate(item for item in items if isinstance(item, tuple)):
             yield number, whole_of(item, scans[0].schemas)
 
@@ -65,7 +75,7 @@ def _completed(late: Path) -> dict[str, object]:
 def _new(late: Path, new: set[int]) -> Iterator[Whole]:
     """New frames, and what belongs to each: its fixes once more, and its events."""
     is_new = False
-    for number, record in _records(late):
+    for number, record in _records(LogReader(late)):
         if record.topic == FRAMES:
             is_new = number in new
         if is_new and (record.topic in (FRAMES, EVENTS) or record.topic.startswith(FIXES)):
