@@ -193,26 +193,46 @@ def test_seven_bits_with_parity_are_told_apart_from_a_wrong_speed() -> None:
     assert re.search(r"7 bits and parity.*8N1", why)
 
 
+SHIP = b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A\r\n"
+
+
 def test_an_ais_receiver_whose_port_brings_another_device_is_told_once() -> None:
     told: list[str] = []
+    acquisition = listening_for_ships(told)
+    run(acquisition, range(1, 60), GGA + b"\r\n" + RMC + b"\r\n")
+    silent = "ais1 is silent for 31 s: lines like those of gps nmea come; configured: ais nmea"
+    assert told[1:] == [silent]
+    assert acquisition.monitors["ais1"].state(60 * NS_PER_S)[0] == "silent"
+    run(acquisition, range(60, 61), SHIP)
+    assert told[2:] == ["ais1 delivers"]
+
+
+def test_an_ais_receiver_that_heard_a_ship_may_hear_none_while_its_port_brings_a_position_too() -> None:
+    told: list[str] = []
+    acquisition = listening_for_ships(told)
+    run(acquisition, range(1, 2), SHIP)
+    run(acquisition, range(2, 90), GGA + b"\r\n" + GGA[:30] + b"\r\n")
+    assert not any("ais1" in text for text in told[1:])
+    assert acquisition.monitors["ais1"].state(90 * NS_PER_S)[0] == "delivering"
+
+
+def listening_for_ships(told: list[str]) -> Acquisition:
     config = BoatConfig(
         boat=BoatTable(id="b"),
         port=(PortTable(name="p", path="/dev/none"),),
         sensor=(SensorTable(id="ais1", port="p", role="ais"),),
     )
     acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda item: told.append(item.text))
+    acquisition.chains[0].changed(None, 0)
+    return acquisition
+
+
+def run(acquisition: Acquisition, seconds: range, data: bytes) -> None:
     (chain,) = acquisition.chains
-    chain.changed(None, 0)
-    for second in range(1, 60):
-        chain.chunk(GGA + b"\r\n" + RMC + b"\r\n", second * NS_PER_S)
+    for second in seconds:
+        chain.chunk(data, second * NS_PER_S)
         chain.flush(second * NS_PER_S)
         acquisition.frame(second * NS_PER_S + 1000)
-    silent = "ais1 is silent for 31 s: lines like those of gps nmea come; configured: ais nmea"
-    assert told[1:] == [silent]
-    assert acquisition.monitors["ais1"].state(60 * NS_PER_S)[0] == "silent"
-    chain.chunk(b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A\r\n", 60 * NS_PER_S)
-    acquisition.frame(60 * NS_PER_S + 1000)
-    assert told[2:] == ["ais1 delivers"]
 
 
 def test_a_radar_whose_lines_are_all_refused_is_told_and_one_that_hears_nothing_is_not() -> None:
