@@ -1,10 +1,11 @@
 import importlib
 import random
 import re
+import time
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
@@ -14,9 +15,11 @@ from common.messages import Event
 from common.settings import read_toml
 from common.units import NS_PER_S
 from onboard.devices import Line
-from onboard.devices.foreign_text import format_of, name_of
+from onboard.devices.foreign_text import format_of, name_of, text_seen
+from onboard.devices.nmea_sentence import sentence_of
 from onboard.devices.recognise import NOISE, stranger
 from onboard.reading.acquisition import Acquisition
+from onboard.reading.ubx_packets import UbxPackets
 from tests.acquire.sentences import GGA, RMC, sealed
 from tests.acquire.uart import heard_at
 from tests.cases import CASES, needs_cases
@@ -166,6 +169,22 @@ def test_a_sentence_has_a_name(line: bytes, name: str) -> None:
 )
 def test_a_line_of_text_has_a_format(line: bytes, name: str) -> None:
     assert format_of(line) == name
+
+
+@given(
+    st.lists(st.sampled_from([b" ", b"0", b",", b"-", b".", b"*", b"$", b"A", b"\\", b"["]), min_size=1, max_size=3),
+    st.sampled_from([b"", b"12.5", b"$GPGGA,", b"#A,", b"\xff", b"\\s:", b"<", b"["]),
+    st.sampled_from([b"", b"m", b"\xff", b"*"]),
+)
+@example([b" "], b"12.5", b"m")
+@settings(max_examples=40)
+def test_no_line_takes_long_to_look_at(pieces: list[bytes], begin: bytes, end: bytes) -> None:
+    """A pattern that tries every way of dividing blanks needs seconds at 24 of them, and for ever at 4,096."""
+    for count in (12, 24, 4_096 // len(pieces)):
+        data = begin + b"".join(pieces) * count + end
+        started = time.process_time()
+        format_of(data), name_of(data), sentence_of(data), text_seen([data]), UbxPackets().text(data)
+        assert time.process_time() - started < 0.2
 
 
 def test_packets_of_an_unknown_protocol_are_noticed_by_their_length_or_checksum() -> None:
