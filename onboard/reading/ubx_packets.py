@@ -29,6 +29,8 @@ _AROUND: Final = 8
 """Number of bytes of a packet beside its payload."""
 _SENTENCE: Final = re.compile(rb"[\r\n][$!%#][A-Z0-9]{2}")
 """A new line that begins as a sentence does, or as a compass's own line."""
+_LEAST_SENTENCE: Final = 4
+"""Number of bytes that it needs."""
 
 Timed = tuple[int, bytes]
 """Bytes and the boat time of the chunk that brought them, ns."""
@@ -45,12 +47,15 @@ class UbxPackets:
         self.busy_ns = 0
         """Time that packets took on the wire, ns since it was last set to 0."""
         self._held: list[Timed] = []
+        self._held_bytes = 0
+        self._wanted = 0
+        self._tail = b""
         self._wrong = 0
 
     @property
     def held_bytes(self) -> int:
         """Number of bytes that may be the beginning of a packet."""
-        return sum(len(data) for _, data in self._held)
+        return self._held_bytes
 
     @property
     def held_ns(self) -> int | None:
@@ -61,14 +66,18 @@ class UbxPackets:
         """What is no packet, of what was held and of `data` stamped `t_ns`, in order; no data = look at the time."""
         if not self._held and b"\xb5" not in data:
             return [(t_ns, data)]
+        if self._held and self._is_waiting(data, t_ns):
+            self._hold([(t_ns, data)])
+            return []
         stream = _Stream([*self._held, (t_ns, data)])
-        self._held = []
+        self._forget()
         text: list[Timed] = []
         data, passed, at = stream.data, 0, 0
         while self._wrong < MOST_WRONG and (at := data.find(b"\xb5", at)) >= 0:
             size = _packet_size(data[at : at + LONGEST_PAYLOAD + _AROUND])
             if size is None and t_ns - stream.time_of(at) <= LONGEST_HOLD_NS:
-                self._held = stream.cut(at, len(data))
+                self._wanted = _wanted(data[at : at + _HEADER])
+                self._hold(stream.cut(at, len(data)))
                 return text + stream.cut(passed, at)
             if not size:
                 self._wrong += data.startswith(_SYNC, at)
@@ -83,9 +92,24 @@ class UbxPackets:
     def reset(self) -> int:
         """Forget what is held; returns the number of its bytes."""
         held = self.held_bytes
-        self._held = []
+        self._forget()
         self._wrong = 0
         return held
+
+    def _is_waiting(self, data: bytes, t_ns: int) -> bool:
+        """Whether `data` decides nothing: readers of single bytes are not to look at all that is held each time."""
+        is_late = t_ns - self._held[0][0] > LONGEST_HOLD_NS
+        is_enough = self._held_bytes + len(data) >= self._wanted
+        return not (is_late or is_enough or _SENTENCE.search(self._tail + data))
+
+    def _hold(self, chunks: list[Timed]) -> None:
+        self._held += chunks
+        for _, data in chunks:
+            self._held_bytes += len(data)
+            self._tail = (self._tail + data)[-_LEAST_SENTENCE + 1 :]
+
+    def _forget(self) -> None:
+        self._held, self._held_bytes, self._tail = [], 0, b""
 
     def _taken(self, size: int, took_ns: int) -> None:
         self.packets += 1
@@ -131,3 +155,8 @@ def _packet_size(data: bytes) -> int | None:
         return 0 if _SENTENCE.search(data) else None
     sent = int.from_bytes(data[_HEADER + length : _AROUND + length], "big")
     return length + _AROUND if fletcher(data[2 : _HEADER + length]) == sent else 0
+
+
+def _wanted(head: bytes) -> int:
+    """Number of bytes that are needed before more is known of what begins with `head`."""
+    return int.from_bytes(head[4:], "little") + _AROUND if len(head) == _HEADER else len(head) + 1

@@ -132,7 +132,7 @@ def test_hostile_bytes_are_looked_at_a_bounded_number_of_times(monkeypatch: pyte
 
     monkeypatch.setattr(ubx_packets, "fletcher", counted)
     data = HUGE * 2_000
-    for chunk in (64, 4_096):
+    for chunk in (1, 64, 4_096):
         looked, packets = 0, UbxPackets()
         for at in range(0, len(data), chunk):
             packets.text(data[at : at + chunk], 0)
