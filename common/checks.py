@@ -7,6 +7,7 @@ CRC is the plain one of the reflected bytes.
 import zlib
 from binascii import crc_hqx
 from functools import reduce
+from itertools import accumulate
 from operator import xor
 from typing import Final
 
@@ -26,11 +27,7 @@ def xor8(data: bytes) -> int:
 
 def fletcher(data: bytes) -> int:
     """Fletcher's checksum with 8 bit sums: first the sum, in the upper byte, then the sum of sums (RFC 1145)."""
-    first = second = 0
-    for byte in data:
-        first += byte
-        second += first
-    return (first & 0xFF) << 8 | second & 0xFF
+    return (sum(data) & 0xFF) << 8 | sum(accumulate(data)) & 0xFF
 
 
 def crc16(data: bytes, start: int = 0) -> int:
@@ -52,12 +49,19 @@ def crc24q(data: bytes) -> int:
     """CRC-24Q of Qualcomm, as RTCM 10403 has it."""
     value = 0
     for byte in data:
-        value ^= byte << 16
-        for _ in range(8):
-            value <<= 1
-            if value & 0x1000000:
-                value ^= _CRC24Q
+        value = (value << 8 & 0xFFFFFF) ^ _CRC24Q_OF[value >> 16 ^ byte]
     return value
+
+
+def _after_a_byte(value: int) -> int:
+    value <<= 16
+    for _ in range(8):
+        value = value << 1 ^ (_CRC24Q if value & 0x800000 else 0)
+    return value
+
+
+_CRC24Q_OF: Final = tuple(map(_after_a_byte, range(256)))
+"""What the upper byte of the value leaves behind when it is shifted out."""
 
 
 def crc32_from_zero(data: bytes) -> int:

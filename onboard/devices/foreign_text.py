@@ -50,7 +50,7 @@ _FORMS: Final[tuple[tuple[str, re.Pattern[bytes], str], ...]] = (
      "turn that console off, or take another port"),
     ("Garmin text", re.compile(rb"@\d{12}[NS_].*"), "set the receiver to NMEA 0183"),
     ("sentences that lost their `$`", re.compile(rb"(G[PNLABQ]|HC|HE|II|AI|RA)[A-Z]{3},.*\*[0-9A-Fa-f]{2}"), ""),
-    ("columns of numbers", re.compile(rb"[-+0-9.eE]+([,;\t ]+[-+0-9.eE]*)+"), ""),
+    ("columns of numbers", re.compile(rb"[-+0-9.eE]+[,;\t ]+(?:[-+0-9.eE]+[,;\t ]+)*[-+0-9.eE]*"), ""),
 )  # fmt: skip
 """Name, form of a line, what to do ("" = nothing but another device helps)."""
 

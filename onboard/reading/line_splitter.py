@@ -12,13 +12,12 @@ in the middle, and it rejects them (`onboard.devices.nmea_sentence`).
 
 from typing import Final
 
-from common.units import NS_PER_MS
 from onboard.devices.driver import Line
-from onboard.reading.ubx_packets import UbxPackets
+from onboard.reading.ubx_packets import LONGEST_HOLD_NS, UbxPackets
 
 LONGEST_LINE: Final = 512
 """Most bytes of one line: six times the NMEA limit, so that the long lines of radars and IMUs pass."""
-SLOWEST_LINE_NS: Final = 1_100 * NS_PER_MS
+SLOWEST_LINE_NS: Final = LONGEST_HOLD_NS
 """Time that `LONGEST_LINE` takes at 4800 baud, ns: a partial line older than this is no line in progress."""
 
 _LINE_START: Final = b"$!%\\"
@@ -55,19 +54,13 @@ class LineSplitter:
         return self._packets.packet_bytes + self._packets.held_bytes
 
     def feed(self, data: bytes, t_ns: int) -> list[Line]:
-        """The lines that `data`, stamped `t_ns`, completes, oldest first."""
-        data = self._packets.text(data)
-        if self._fresh and data:
-            self._fresh = False
-            self._resync = data[0] not in _LINE_START
+        """The lines that `data`, stamped `t_ns`, completes, oldest first.
+
+        Without data: those that the time completes, because what began like a packet of UBX does not go on.
+        """
         lines: list[Line] = []
-        *whole, rest = data.replace(b"\r", b"\n").split(b"\n")
-        for piece in whole:
-            if piece:
-                self._add(piece, t_ns)
-            self._end(t_ns, lines)
-        if rest:
-            self._add(rest, t_ns)
+        for then_ns, text in self._packets.text(data, t_ns):
+            self._split(text, then_ns, lines)
         return lines
 
     def note_cut(self) -> None:
@@ -82,13 +75,28 @@ class LineSplitter:
         self._fresh = True
 
     def complete_until(self, now_ns: int) -> int:
-        """The time up to which all lines are known: `now_ns`, or the start of the line in progress.
+        """The time up to which all lines are known: `now_ns`, or the start of the line or packet in progress.
 
-        Timeouts between lines (`Driver.flush`) are judged at this time, so that a slow baud rate is no silence.
+        The time that packets took since the last line is left out too: the device could send no line in it. Timeouts
+        between lines (`Driver.flush`) are judged at this time, so that a slow baud rate is no silence.
         """
-        if not self._pending:
-            return now_ns
-        return min(now_ns, max(self._t_ns, now_ns - SLOWEST_LINE_NS))
+        begins = [self._t_ns] if self._pending else []
+        if (held_ns := self._packets.held_ns) is not None:
+            begins.append(held_ns)
+        known_ns = min([now_ns, *begins]) - self._packets.busy_ns
+        return min(now_ns, max(known_ns, now_ns - SLOWEST_LINE_NS))
+
+    def _split(self, data: bytes, t_ns: int, lines: list[Line]) -> None:
+        if self._fresh and data:
+            self._fresh = False
+            self._resync = data[0] not in _LINE_START
+        *whole, rest = data.replace(b"\r", b"\n").split(b"\n")
+        for piece in whole:
+            if piece:
+                self._add(piece, t_ns)
+            self._end(t_ns, lines)
+        if rest:
+            self._add(rest, t_ns)
 
     def _add(self, piece: bytes, t_ns: int) -> None:
         if self._resync:
@@ -109,6 +117,7 @@ class LineSplitter:
         if self._pending:
             lines.append(Line(self._t_ns, bytes(self._pending), t_ns))
             self._pending.clear()
+            self._packets.busy_ns = 0
             self.lines += 1
 
     def _discard_pending(self) -> None:

@@ -104,13 +104,13 @@ class PortChain:
         self.wire.heard_bytes += len(data)
         self.recent.add(data)
         allowed = self._budget.take(len(data), t_ns)
-        for line in self.splitter.feed(data[:allowed], t_ns):
-            self._dispose(self.decoder.feed(line), t_ns)
+        self._read(data[:allowed], t_ns)
         if allowed < len(data):
             self._cut(len(data) - allowed, t_ns)
 
     def flush(self, now_ns: int) -> None:
         """What is due without another line, the end of a flood, and what there is to say about the lines."""
+        self._read(b"", now_ns)
         for measurement in self.decoder.flush(self.splitter.complete_until(now_ns)):
             if not isinstance(measurement, COMPANIONS):
                 self.monitors[measurement.sensor].measured()
@@ -154,6 +154,10 @@ class PortChain:
         self.splitter.reset()
         for monitor in self.monitors.values():
             monitor.reopening(now_ns)
+
+    def _read(self, data: bytes, t_ns: int) -> None:
+        for line in self.splitter.feed(data, t_ns):
+            self._dispose(self.decoder.feed(line), t_ns)
 
     def _tell_damage(self, now_ns: int) -> None:
         self.wire.damaged += self.splitter.overflows - self._overflows

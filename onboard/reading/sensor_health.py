@@ -168,8 +168,11 @@ class SensorMonitor:
         return True
 
     def _is_misread(self, now_ns: int) -> bool:
-        """An event sensor whose port brings lines, all of them refused or of another device, for long enough."""
-        if self.periodic or self._delivery.is_missing:
+        """An event sensor whose port has brought lines since it opened, all of them refused or of another device.
+
+        Once a good line has come, lines of other devices are those of a neighbour, and its own pauses are no fault.
+        """
+        if self.periodic or self._delivery.is_missing or self._delivery.has_delivered:
             return False
         quiet_ns = self._delivery.quiet_ns(now_ns)
         is_refused = self._since_good.rejected.total() >= LEAST_REFUSED

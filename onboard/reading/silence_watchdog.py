@@ -102,6 +102,11 @@ class Delivery:
         """True while the port is closed."""
         return self.state is State.MISSING
 
+    @property
+    def has_delivered(self) -> bool:
+        """True when a good line has come since the port's last opening."""
+        return self.last_good_ns is not None and self.last_good_ns >= self._opened_ns
+
     def good(self, t_ns: int) -> None:
         """A good line came at `t_ns`."""
         self.last_good_ns = t_ns
@@ -138,8 +143,7 @@ class Delivery:
     def _input(self, now_ns: int) -> Input:
         if not self._periodic:
             return Input.OVERDUE if self.is_misread else Input.FRESH
-        last_ns = self.last_good_ns
-        if last_ns is not None and last_ns >= self._opened_ns and now_ns - last_ns <= self.stale_ns:
+        if self.has_delivered and self.quiet_ns(now_ns) <= self.stale_ns:
             return Input.FRESH
         return Input.OVERDUE if self.quiet_ns(now_ns) > self.limit_ns() else Input.STALE
 

@@ -1,10 +1,11 @@
 import importlib
 import random
 import re
+import time
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
@@ -14,9 +15,11 @@ from common.messages import Event
 from common.settings import read_toml
 from common.units import NS_PER_S
 from onboard.devices import Line
-from onboard.devices.foreign_text import format_of, name_of
+from onboard.devices.foreign_text import format_of, name_of, text_seen
+from onboard.devices.nmea_sentence import sentence_of
 from onboard.devices.recognise import NOISE, stranger
 from onboard.reading.acquisition import Acquisition
+from onboard.reading.ubx_packets import UbxPackets
 from tests.acquire.sentences import GGA, RMC, sealed
 from tests.acquire.uart import heard_at
 from tests.cases import CASES, needs_cases
@@ -168,6 +171,22 @@ def test_a_line_of_text_has_a_format(line: bytes, name: str) -> None:
     assert format_of(line) == name
 
 
+@given(
+    st.lists(st.sampled_from([b" ", b"0", b",", b"-", b".", b"*", b"$", b"A", b"\\", b"["]), min_size=1, max_size=3),
+    st.sampled_from([b"", b"12.5", b"$GPGGA,", b"#A,", b"\xff", b"\\s:", b"<", b"["]),
+    st.sampled_from([b"", b"m", b"\xff", b"*"]),
+)
+@example([b" "], b"12.5", b"m")
+@settings(max_examples=40)
+def test_no_line_takes_long_to_look_at(pieces: list[bytes], begin: bytes, end: bytes) -> None:
+    """A pattern that tries every way of dividing blanks needs seconds at 24 of them, and for ever at 4,096."""
+    for count in (12, 24, 4_096 // len(pieces)):
+        data = begin + b"".join(pieces) * count + end
+        started = time.process_time()
+        format_of(data), name_of(data), sentence_of(data), text_seen([data]), UbxPackets().text(data, 0)
+        assert time.process_time() - started < 0.2
+
+
 def test_packets_of_an_unknown_protocol_are_noticed_by_their_length_or_checksum() -> None:
     chance = random.Random(5)
     counted = b"".join(
@@ -193,26 +212,46 @@ def test_seven_bits_with_parity_are_told_apart_from_a_wrong_speed() -> None:
     assert re.search(r"7 bits and parity.*8N1", why)
 
 
+SHIP = b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A\r\n"
+
+
 def test_an_ais_receiver_whose_port_brings_another_device_is_told_once() -> None:
     told: list[str] = []
+    acquisition = listening_for_ships(told)
+    run(acquisition, range(1, 60), GGA + b"\r\n" + RMC + b"\r\n")
+    silent = "ais1 is silent for 31 s: lines like those of gps nmea come; configured: ais nmea"
+    assert told[1:] == [silent]
+    assert acquisition.monitors["ais1"].state(60 * NS_PER_S)[0] == "silent"
+    run(acquisition, range(60, 61), SHIP)
+    assert told[2:] == ["ais1 delivers"]
+
+
+def test_an_ais_receiver_that_heard_a_ship_may_hear_none_while_its_port_brings_a_position_too() -> None:
+    told: list[str] = []
+    acquisition = listening_for_ships(told)
+    run(acquisition, range(1, 2), SHIP)
+    run(acquisition, range(2, 90), GGA + b"\r\n" + GGA[:30] + b"\r\n")
+    assert not any("ais1" in text for text in told[1:])
+    assert acquisition.monitors["ais1"].state(90 * NS_PER_S)[0] == "delivering"
+
+
+def listening_for_ships(told: list[str]) -> Acquisition:
     config = BoatConfig(
         boat=BoatTable(id="b"),
         port=(PortTable(name="p", path="/dev/none"),),
         sensor=(SensorTable(id="ais1", port="p", role="ais"),),
     )
     acquisition = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda item: told.append(item.text))
+    acquisition.chains[0].changed(None, 0)
+    return acquisition
+
+
+def run(acquisition: Acquisition, seconds: range, data: bytes) -> None:
     (chain,) = acquisition.chains
-    chain.changed(None, 0)
-    for second in range(1, 60):
-        chain.chunk(GGA + b"\r\n" + RMC + b"\r\n", second * NS_PER_S)
+    for second in seconds:
+        chain.chunk(data, second * NS_PER_S)
         chain.flush(second * NS_PER_S)
         acquisition.frame(second * NS_PER_S + 1000)
-    silent = "ais1 is silent for 31 s: lines like those of gps nmea come; configured: ais nmea"
-    assert told[1:] == [silent]
-    assert acquisition.monitors["ais1"].state(60 * NS_PER_S)[0] == "silent"
-    chain.chunk(b"!AIVDM,1,1,,A,B3KLehP0B@LTN6`Vl;rrBE063P06,0*5A\r\n", 60 * NS_PER_S)
-    acquisition.frame(60 * NS_PER_S + 1000)
-    assert told[2:] == ["ais1 delivers"]
 
 
 def test_a_radar_whose_lines_are_all_refused_is_told_and_one_that_hears_nothing_is_not() -> None:

@@ -3,14 +3,20 @@
 from itertools import pairwise
 from random import Random
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
+from common.checks import fletcher
+from common.framer import Identity
 from onboard.devices import Accepted, PortDecoder, make_driver
 from onboard.devices.nmea_sentence import check_sentence, sentence_of
-from onboard.reading.line_splitter import LineSplitter
-from onboard.reading.ubx_packets import UbxPackets
-from tests.acquire.sentences import GGA, GSA, RMC, gps, line, sealed
+from onboard.reading import ubx_packets
+from onboard.reading.acquisition import Acquisition
+from onboard.reading.line_splitter import SLOWEST_LINE_NS, LineSplitter
+from onboard.reading.ubx_packets import LONGEST_PAYLOAD, UbxPackets
+from tests.acquire.sentences import GGA, GSA, MS, RMC, S, fixes, gps, line, measured, sealed
 from tests.cases import CASES, needs_cases
 
 
@@ -38,7 +44,7 @@ def test_only_the_sentences_are_lines_whatever_the_chunks(parts: list[bytes], cu
 @given(st.lists(st.sampled_from([b"\xb5", b"\xb5\x62", b"\x01\x02", b"\x04\x00", b"$A", b"x"]), max_size=30))
 def test_no_byte_is_lost_or_moved(pieces: list[bytes]) -> None:
     data, packets = b"".join(pieces), UbxPackets()
-    text = b"".join(packets.text(data[at : at + 1]) for at in range(len(data)))
+    text = b"".join(piece for at in range(len(data)) for _, piece in packets.text(data[at : at + 1], 0))
     assert packets.packets or data.startswith(text)
     assert len(text) + packets.packet_bytes + packets.held_bytes == len(data)
 
@@ -60,6 +66,77 @@ def test_a_cut_forgets_the_packet_in_progress() -> None:
     splitter.note_cut()
     assert splitter.discarded_bytes == len(half)
     assert [one.data for one in splitter.feed(b"\r\n" + GGA + b"\r\n", 1)] == [GGA]
+
+
+HUGE = b"\xb5\x62\x01\x07\x00\x10"
+"""The beginning of a packet of 4,096 bytes, which never comes."""
+
+
+def test_what_begins_like_a_packet_holds_back_one_heading_of_a_compass_and_no_time_is_wrong() -> None:
+    splitter, heading = LineSplitter(), b"$PTNTHPR,85.9,N,-0.9,N,0.8,N*29"
+    splitter.feed(b"\r\n", 0)
+    found = splitter.feed(HUGE + heading + b"\r\n", 100 * MS)
+    assert splitter.complete_until(150 * MS) == 100 * MS
+    for k in range(2, 6):
+        found += splitter.feed(heading + b"\r\n", k * 100 * MS)
+        assert len(found) == k
+    assert [one.t_ns for one in found] == [k * 100 * MS for k in range(1, 6)]
+    assert [one.end_ns for one in found] == [k * 100 * MS for k in range(1, 6)]
+
+
+def test_what_begins_like_a_packet_and_does_not_go_on_is_given_up_after_the_time_of_a_line() -> None:
+    splitter = LineSplitter()
+    assert splitter.feed(HUGE + b"x\r\n", 0) == []
+    assert splitter.feed(b"a slow line\r\n", 500 * MS) == []
+    assert splitter.feed(b"", SLOWEST_LINE_NS) == []
+    found = splitter.feed(b"", SLOWEST_LINE_NS + 1)
+    assert [(one.data, one.t_ns, one.end_ns) for one in found] == [
+        (HUGE + b"x", 0, 0),
+        (b"a slow line", 500 * MS, 500 * MS),
+    ]
+
+
+def test_a_chain_gives_up_without_another_byte() -> None:
+    table = PortTable(name="p", path="/dev/none")
+    config = BoatConfig(boat=BoatTable(id="b"), port=(table,), sensor=(SensorTable(id="gps1", port="p", role="gps"),))
+    (chain,) = Acquisition(config, Identity("b", "0" * 16, "clock", 1), 0, 0, lambda _: None).chains
+    chain.changed(None, 0)
+    chain.chunk(b"\r\n" + HUGE + GGA + b"\r\n", 0)
+    chain.flush(SLOWEST_LINE_NS)
+    assert chain.tally.lines == 0
+    chain.flush(SLOWEST_LINE_NS + 1)
+    assert chain.tally.accepted.total() == 1
+
+
+def test_a_long_packet_within_a_burst_does_not_end_the_epoch() -> None:
+    """92 bytes at 4800 baud take 0.21 s: more than the pause that ends an epoch."""
+    decoder, splitter, found = PortDecoder([make_driver(gps())]), LineSplitter(), []
+    data = GGA + b"\r\n" + packet(b"\x01\x07", bytes(92)) + RMC + b"\r\n"
+    for at in range(len(data)):
+        now_ns = at * 10 * S // 4800
+        for one in splitter.feed(data[at : at + 1], now_ns):
+            found += fixes(measured(decoder.feed(one)))
+        found += fixes(decoder.flush(splitter.complete_until(now_ns)))
+    found += fixes(decoder.flush(splitter.complete_until(now_ns + S)))
+    (fix,) = found
+    assert fix.sog_kn is not None
+
+
+def test_hostile_bytes_are_looked_at_a_bounded_number_of_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked = 0
+
+    def counted(data: bytes) -> int:
+        nonlocal looked
+        looked += len(data)
+        return fletcher(data)
+
+    monkeypatch.setattr(ubx_packets, "fletcher", counted)
+    data = HUGE * 2_000
+    for chunk in (1, 64, 4_096):
+        looked, packets = 0, UbxPackets()
+        for at in range(0, len(data), chunk):
+            packets.text(data[at : at + chunk], 0)
+        assert 0 < looked <= 8 * (LONGEST_PAYLOAD + 4) * (len(data) // LONGEST_PAYLOAD)
 
 
 def test_a_mixed_port_shows_no_damage() -> None:
