@@ -1,7 +1,8 @@
 """Checkpoint (cursor) beside a directory of logs: which frames of a boat it holds, so that each is stored once.
 
 `<boat>.cursor` is written after the log is on the disk, so it never claims a frame that no log holds; what a killed
-station wrote after its last cursor is read from the log it names.
+station wrote after its last cursor is read from the log it names. A log that ends before that has lost what the cursor
+claims (a damaged card, an older copy): then the log alone says which frames are here.
 """
 
 import json
@@ -87,9 +88,14 @@ class Cursor:
         # Late ones are of a station that was killed before it put them into the trip.
         for path, from_ns in (*logs, *((late, 0) for _, late in late_logs(self._path.parent))):
             try:
-                _add_newer(ledger, path, from_ns, self._boat_id)
+                newest_ns = _add_newer(ledger, path, from_ns, self._boat_id)
+                if newest_ns < from_ns:
+                    say(f"{path}: it has lost its end; the frames that were in it are asked for once more")
+                    ledger.forget_trip(path.name)
+                    _add_newer(ledger, path, 0, self._boat_id)
             except WayfixError as error:
                 say(f"frames that this log may hold are asked for once more: {error}")
+                ledger.forget_trip(path.name)
         return ledger
 
 
@@ -109,12 +115,16 @@ def _ledger_of(record: Any) -> Ledger:
     return Ledger(starts)
 
 
-def _add_newer(ledger: Ledger, log: Path, since_ns: int, boat_id: str) -> None:
-    for record in read_log(log).records(FRAMES):
-        if record.log_time_ns >= since_ns:
+def _add_newer(ledger: Ledger, log: Path, since_ns: int, boat_id: str) -> int:
+    """Take in the frames since a log time, ns. Returns the log time of the newest record of all, 0 = there is none."""
+    newest_ns = 0
+    for record in read_log(log).records():
+        newest_ns = max(newest_ns, record.log_time_ns)
+        if record.topic == FRAMES and record.log_time_ns >= since_ns:
             try:
                 frame = decode_frame(record.data)
             except CodecError:
                 continue
             if frame.boat_id == boat_id:
                 ledger.take(frame.boot_id, frame.first, frame.seq)
+    return newest_ns

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from common.codec import encode_frame
+from common.codec import decode_frame, encode_frame
 from common.errors import WayfixError
 from common.messages import Frame
 from shore.link.frame_ledger import Ledger
@@ -212,3 +212,28 @@ def test_two_stations_complete_the_trips_of_a_directory_in_turn(
     complete_trips(tmp_path, lambda _line: None)
     others[0].join(10.0)
     assert said == ["waits", "0 left"]
+
+
+def test_a_log_that_has_lost_its_end_is_asked_for_once_more(tmp_path: Path, board: Board) -> None:
+    log = session(tmp_path, board, 1.0)[0].log_path
+    assert log is not None
+    board.make(30)
+    session(tmp_path, board, 2.0)
+    newest = max(tmp_path.glob("*.mcap"))
+    held = Cursor(tmp_path, "springer", print)
+    held.close()
+    before = seen(held)
+    data = newest.read_bytes()
+    newest.write_bytes(data[: len(data) // 2])
+    said: list[str] = []
+    cursor = Cursor(tmp_path, "springer", said.append)
+    cursor.close()
+    assert [f"{newest}: it has lost its end" in line for line in said] == [True]
+    kept, in_log = seen(cursor), {frame.seq for frame in map(decode_frame, read_log(newest).frames())}
+    assert kept >= in_log
+    assert kept < before
+
+
+def seen(cursor: Cursor) -> set[int]:
+    ranges = [part for start in cursor.ledger.as_record() for part in start["seen"]]
+    return {seq for first, last in ranges for seq in range(first, last + 1)}
