@@ -14,11 +14,10 @@ from common.simulation.without_ports import START_NS
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 from shore.navigation.state_space import EAST, HEADING, NORTH, V_EAST, V_NORTH
+from shore.report.own_doubt import CHI2_95_2D
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-CHI2_95_2D: Final = 5.991
-"""95 % of a chi-squared variable with two degrees of freedom."""
 SETTLED_S: Final = 60.0
 
 

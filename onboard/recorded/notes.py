@@ -10,7 +10,7 @@ from onboard.devices.gps.dates import EARLIEST_ARCHIVE_NS
 from onboard.recorded.recording import Paced
 
 TOLD_STAMP_S: Final = 5.0
-"""Offset of time stamps from the sentences that is told, s."""
+"""Smallest offset of time stamps from the sentences that is said, s."""
 
 
 def time_notes(paced: Paced) -> Iterator[str]:

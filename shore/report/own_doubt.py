@@ -6,7 +6,7 @@ as an error of the receiver that lasts, does not show here.
 
 import math
 from collections import Counter
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from common.angles import difference_deg
 from common.geodesy import LocalPlane
@@ -24,8 +24,20 @@ LEAST_COUNT: Final = 50
 """A state of the boat with fewer estimates says nothing."""
 STATES: Final = ("at rest", "straight ahead", "turning", "without fixes")
 
-Shown = tuple[float, float, float, float, float, float | None, float, bool]
-"""Latitude and longitude (deg), P of the place (east, both, north, m^2), heading and 1-sigma (deg), coasting."""
+
+class Stated(NamedTuple):
+    """What a filter stated live."""
+
+    lat_deg: float
+    lon_deg: float
+    east2: float
+    """Variance of the place eastwards, m^2."""
+    both: float
+    """Covariance of the place, east and north, m^2."""
+    north2: float
+    heading_true_deg: float
+    sigma_heading_deg: float
+    is_coasting: bool
 
 
 class OwnDoubt:
@@ -34,7 +46,7 @@ class OwnDoubt:
     def __init__(self, name: str) -> None:
         """name: of the filter."""
         self._name = name
-        self._live: dict[int, Shown] = {}
+        self._live: dict[int, Stated] = {}
         """Estimates as they were stated, by boat time (ns)."""
         self._last: tuple[int, float] | None = None
         """Boat time (ns) and heading (deg) of the last smoothed estimate."""
@@ -45,9 +57,9 @@ class OwnDoubt:
 
     def take(self, record: dict[str, Any]) -> None:
         """One estimate (`Estimate.as_record`); those of other filters, or not aligned, count for nothing."""
-        if record["filter"] == self._name and record["aligned"]:
+        if record["filter"] == self._name and record["aligned"] and record["heading_true_deg"] is not None:
             variances = record["covariance"]
-            self._live[record["t_ns"]] = (
+            self._live[record["t_ns"]] = Stated(
                 record["lat_deg"],
                 record["lon_deg"],
                 variances[0],
@@ -63,13 +75,15 @@ class OwnDoubt:
         last, heading = self._last, smoothed.heading_true_deg
         self._last = None if heading is None else (smoothed.t_ns, heading)
         live = self._live.pop(smoothed.t_ns, None)
-        if live is None or live[5] is None or heading is None or last is None or smoothed.t_ns <= last[0]:
+        if live is None or heading is None or last is None or smoothed.t_ns <= last[0]:
             return
         turn_deg_s = difference_deg(heading, last[1]) / (1e-9 * (smoothed.t_ns - last[0]))
         state = _state(live, smoothed, turn_deg_s)
         self._counts[state] += 1
         self._places[state] += _nees(live, smoothed) <= CHI2_95_2D
-        self._headings[state] += abs(difference_deg(live[5], heading)) <= SIGMAS_95 * live[6]
+        self._headings[state] += (
+            abs(difference_deg(live.heading_true_deg, heading)) <= SIGMAS_95 * live.sigma_heading_deg
+        )
 
     def summary(self) -> dict[str, dict[str, float | int]]:
         """By state of the boat: count, and the shares of places and headings inside 95 % of what was stated."""
@@ -84,19 +98,19 @@ class OwnDoubt:
         }
 
 
-def _state(live: Shown, smoothed: Estimate, turn_deg_s: float) -> str:
+def _state(live: Stated, smoothed: Estimate, turn_deg_s: float) -> str:
     """What the boat was doing, one of `STATES`."""
-    if live[7]:
+    if live.is_coasting:
         return "without fixes"
     if math.hypot(*smoothed.state[2:4]) < AT_REST_M_S:
         return "at rest"
     return "turning" if abs(turn_deg_s) > TURNS_DEG_S else "straight ahead"
 
 
-def _nees(live: Shown, smoothed: Estimate) -> float:
+def _nees(live: Stated, smoothed: Estimate) -> float:
     """Normalised error squared of the place, 2 in the mean for a doubt that is right."""
-    lat_deg, lon_deg, east2, both, north2 = live[:5]
-    east, north = LocalPlane(smoothed.lat_deg, smoothed.lon_deg).to_east_north_m(lat_deg, lon_deg)
+    east2, both, north2 = live.east2, live.both, live.north2
+    east, north = LocalPlane(smoothed.lat_deg, smoothed.lon_deg).to_east_north_m(live.lat_deg, live.lon_deg)
     determinant = east2 * north2 - both * both
     if determinant <= 0.0:
         return math.inf
