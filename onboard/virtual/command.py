@@ -40,7 +40,7 @@ def add_arguments(commands: Any) -> None:
         action="append",
         help="play a raw recording of a serial port as it was; give it again for more ports",
     )
-    source.add_argument("--list", action="store_true", help="list scenarios and quirks, and stop")
+    source.add_argument("--list", action="store_true", help="list scenarios, quirks and faults, and stop")
     parser.add_argument(
         "--boat",
         metavar="TOML",
@@ -53,6 +53,13 @@ def add_arguments(commands: Any) -> None:
         action="append",
         default=[],
         help="a habit of one device, see --list; give it again for more",
+    )
+    parser.add_argument(
+        "--inject",
+        metavar="FAULT",
+        action="append",
+        default=[],
+        help="break a sensor: 'compass1 step 30 deg at 120 s for 60 s', see --list; give it again for more",
     )
     parser.add_argument("--map", metavar="TOML", type=Path, help="which column of the recording is what")
     parser.add_argument(
@@ -114,14 +121,17 @@ def _virtual(args: argparse.Namespace) -> int:
 
 def _list() -> int:
     _need_numpy()
+    from common.simulation.fault_text import KINDS
     from common.simulation.quirks import QUIRKS
     from common.simulation.scenarios import WORLDS
 
-    width = max(map(len, (*WORLDS, *QUIRKS)))
+    width = max(map(len, (*WORLDS, *QUIRKS, *KINDS)))
     for name, world in WORLDS.items():
         sys.stdout.write(f"{name:<{width}}  {world.text}\n")
     for name, quirk in QUIRKS.items():
         sys.stdout.write(f"{name:<{width}}  quirk of a {quirk.role}: {quirk.text}\n")
+    for name, kind in KINDS.items():
+        sys.stdout.write(f"{name:<{width}}  fault of {', '.join(kind.roles)}: {kind.text}\n")
     return 0
 
 
@@ -137,7 +147,7 @@ def _source(args: argparse.Namespace) -> Source:
     if args.map is not None and args.recording is None:
         raise WayfixError("belongs to a recording", "--map", "add --recording CSV")
     is_recorded = args.nmea is not None or args.recording is not None
-    for option, given in (("--boat", args.boat), ("--quirk", args.quirk)):
+    for option, given in (("--boat", args.boat), ("--quirk", args.quirk), ("--inject", args.inject and args.nmea)):
         if given and is_recorded:
             raise WayfixError("belongs to a scenario", option, "leave out the recording")
     if args.nmea is not None:
@@ -159,6 +169,7 @@ def _source(args: argparse.Namespace) -> Source:
 def _voyage_source(args: argparse.Namespace) -> Source:
     _need_numpy()
     from common.simulation.column_recording import recording_voyage
+    from common.simulation.faults import with_faults
     from common.simulation.quirks import with_quirks
     from common.simulation.scenarios import find_world, scenario_voyage
     from common.simulation.voyage import boat_voyage
@@ -171,7 +182,7 @@ def _voyage_source(args: argparse.Namespace) -> Source:
             voyage = scenario_voyage(scenario, args.seed, args.seconds)
         else:
             voyage = boat_voyage(find_world(scenario), virtual_boat(args.boat), args.seed, args.seconds)
-        source = VoyageSource(with_quirks(voyage, args.quirk))
+        source = VoyageSource(with_quirks(with_faults(voyage, args.inject, args.seed), args.quirk))
         for overload in source.overloads():
             sys.stderr.write(f"{overload}\n")
         return source
@@ -181,7 +192,7 @@ def _voyage_source(args: argparse.Namespace) -> Source:
     if voyage.skipped:
         what = ", ".join(f"{name} {count}" for name, count in voyage.skipped.items())
         sys.stderr.write(f"rows left out (a field is empty, or the time does not grow): {what}\n")
-    return VoyageSource(voyage)
+    return VoyageSource(with_faults(voyage, args.inject, args.seed))
 
 
 def _directory(wanted: Path | None) -> Path:

@@ -56,6 +56,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--record", type=Path, metavar="OUT.mcap", help="write a new log: the same frames, the new estimates and events"
     )
+    parser.add_argument(
+        "--inject",
+        metavar="FAULT",
+        action="append",
+        default=[],
+        help="break a sensor: 'compass2 step 30 deg at 120 s for 60 s' (docs/simulation.md); give it again for more",
+    )
     add_settings(parser, ": [limits] and [display], for --speed; filters and step are the log's")
     add_filter_arguments(parser, "those of the log")
     add_json(parser)
@@ -93,7 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise WayfixError("--record and --smooth name one file", str(arguments.record), "give two names")
     if arguments.settings and not arguments.speed:
         raise WayfixError("--settings needs --speed", cure="give --speed X too: without it, nothing of them is read")
-    replay = Replay(arguments.log, filters, arguments.step, arguments.order, span_of(arguments))
+    span, inject = span_of(arguments), arguments.inject
+    replay = Replay(arguments.log, filters, arguments.step, arguments.order, span, inject=inject)
     with every_end_is_ctrl_c():
         looked = Looked(arguments, replay)
         is_whole = looked.play()
@@ -177,7 +185,7 @@ class Looked:
         from shore.report.own_doubt import verdict
 
         name = self._replay.filters[0]
-        track = smoothed(self._arguments.log, name, span_of(self._arguments))
+        track = smoothed(self._arguments.log, name, span_of(self._arguments), self._replay.inject)
         with _progress("smoothing"):
             count = write_track(path, self._scored(track))
         inside = self._live.doubt.summary() if self._live else {}
@@ -224,8 +232,11 @@ def _told(arguments: argparse.Namespace, replay: "Replay", is_whole: bool) -> di
         say(f"{arguments.log}: {replay.damage}; all frames that are sound were replayed")
     if replay.why_none is not None:
         say(f"{arguments.log}: no estimates: {replay.why_none}")
+    for fault in replay.inject:
+        tell(f"injected: {fault}")
     summary: dict[str, Any] = {
         "order": replay.order,
+        "injected": list(replay.inject),
         "why_no_estimates": replay.why_none,
         "whole": is_whole,
         "frames": {"read": replay.frames, "bad": replay.source.bad, "late": replay.source.late},

@@ -3,7 +3,7 @@
 One pass: memory does not grow with the log, but for 40 bytes a frame in order of time.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -19,6 +19,7 @@ from shore.logbook.log_reader import LogReader, LogRecord
 from shore.logbook.schemas import FRAMES, SESSION
 from shore.navigation.timeline import HORIZON_NS
 from shore.replay.boat_time_order import FramesByTime
+from shore.replay.injection import Injection
 from shore.watchers.watcher import Arrival, RunSeconds, Start
 
 ORDERS: Final = ("arrival", "time")
@@ -58,8 +59,13 @@ def logged_config(reader: LogReader, path: Path) -> BoatConfig:
 class Frames:
     """The frames of one log in either order, counted; records beside them go to `beside`."""
 
-    def __init__(self, reader: LogReader, order: str = "arrival", span: Span | None = None) -> None:
-        """Raises WayfixError for a log without configuration."""
+    def __init__(
+        self, reader: LogReader, order: str = "arrival", span: Span | None = None, inject: Sequence[str] = ()
+    ) -> None:
+        """inject: faults of sensors that the log did not have.
+
+        Raises WayfixError for a log without configuration, and for a fault that does not fit the boat.
+        """
         self.start = session_start(reader, reader.path)
         self.bad = 0
         """Number of frames that could not be decoded."""
@@ -68,6 +74,7 @@ class Frames:
         self._reader = reader
         self._order = order
         self._span = span or Span()
+        self._injection = Injection(inject, self.start.config) if inject else None
 
     def __iter__(self) -> Iterator[Arrival]:
         return (item for item in self.read() if isinstance(item, Arrival))
@@ -85,9 +92,11 @@ class Frames:
             t_s = seconds.at(item.frame)
             if to_s is not None and t_s > to_s:
                 return
+            timed = item._replace(t_s=t_s)
+            given = timed if self._injection is None else self._injection.spoil(timed)
             if from_s is None or t_s >= from_s:
                 has_begun = True
-                yield item._replace(t_s=t_s)
+                yield given
 
     def _in_file_order(self, topics: Iterable[str]) -> Iterator[Arrival | LogRecord]:
         start, is_first, is_live = self.start, True, True

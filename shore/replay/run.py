@@ -76,24 +76,30 @@ class Replay:
         step_s: float | None = None,
         order: str = "arrival",
         span: Span | None = None,
+        *,
+        inject: Sequence[str] = (),
     ) -> None:
         """Filters and step default to those of the live run; a step of 0 is none at all.
 
-        Raises WayfixError: no log, no configuration, filters.
+        inject: faults of sensors that the log did not have (`common/simulation/fault_text.py`).
+        Raises WayfixError: no log, no configuration, filters, faults.
         """
         self.reader = read_log(path)
-        self.source = Frames(self.reader, order, span)
+        self.source = Frames(self.reader, order, span, inject)
         options = self.source.start.options
         live, live_step_s = tuple(options.get("filters") or ()), options.get("step_s")
         self.filters = tuple(filters or live)
         self.step_s = live_step_s if step_s is None else step_s or None
         self.order = order
+        self.inject = tuple(inject)
         self.frames = 0
         self.estimates = 0
         self._why_none = WhyNone()
         self.why_not: str | None = None
         """Why nothing is compared with what was recorded; `None` = it is compared."""
-        if order == "time":
+        if inject:
+            self.why_not = "faults are injected that the live run did not have"
+        elif order == "time":
             self.why_not = "no live run could have made estimates in order of boat time"
         elif options.get("begun_again"):
             self.why_not = f"the log began in the middle of its run, when {options['begun_again']} was removed"
@@ -200,6 +206,7 @@ class Replay:
             "step_s": self.step_s,
             "order": self.order,
             "replayed_from": self.reader.path.name,
+            **({"inject": list(self.inject)} if self.inject else {}),
         }
         record = start_record(start.record["connected"], asked, start.record.get("utc_ns", t_ns))
         return Start(record, start.config)
@@ -225,12 +232,12 @@ class Replay:
         return self.order == "arrival" and is_of_station(event["code"])
 
 
-def smoothed(path: Path, name: str, span: Span | None = None) -> Iterator[Estimate]:
+def smoothed(path: Path, name: str, span: Span | None = None, inject: Sequence[str] = ()) -> Iterator[Estimate]:
     """The log's track by filter `name` with every estimate knowing the whole log; frames in order of boat time.
 
     All states of a session are in memory at once. Raises: WayfixError for a log without configuration or an unknown
     filter.
     """
-    arrivals = Frames(read_log(path), "time", span)
+    arrivals = Frames(read_log(path), "time", span, inject)
     for start, group in groupby(arrivals, key=attrgetter("start")):
         yield from smooth_log(start.config, (arrival.frame for arrival in group), name)
