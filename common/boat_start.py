@@ -1,10 +1,13 @@
 """Which start of the board a frame belongs to, and whether that is an older or a newer one (boot ordering).
 
-Boat times can be compared only within one `clock_id` (one boot of the board). `start_no` counts the starts of the
-daemon and grows over boots, so it says which of two clocks is the newer one.
+Boat times can be compared only within one `clock_id` (one boot of the board). Which of two clocks is the newer one the
+board itself says: its greeting lists the starts it holds, the oldest first, its own last. Where no greeting names both,
+`start_no` decides, which counts the starts of the daemon; a damaged card or an older backup may set that count back.
 """
 
-from typing import NamedTuple, Self
+from collections.abc import Iterable
+from functools import cmp_to_key
+from typing import Any, NamedTuple, Self
 
 from common.messages import Frame
 
@@ -13,17 +16,44 @@ class BoatStart(NamedTuple):
     """A start of the board's daemon."""
 
     clock_id: str
+    boot_id: str
     start_no: int
 
     @classmethod
     def of(cls, frame: Frame) -> Self:
         """The start that made the frame."""
-        return cls(frame.clock_id, frame.start_no)
+        return cls(frame.clock_id, frame.boot_id, frame.start_no)
 
-    def is_before(self, other: "BoatStart") -> bool:
-        """True for another clock that ended before the one of `other` began."""
-        return self.clock_id != other.clock_id and self.start_no < other.start_no
 
-    def followed_by(self, frame: Frame) -> "BoatStart":
-        """The newest start once `frame`, which is not of an older clock, has come."""
-        return BoatStart(frame.clock_id, max(self.start_no, frame.start_no))
+class StartOrder:
+    """The order of a board's starts, as its greetings say it."""
+
+    def __init__(self) -> None:
+        self._ranks: dict[str, int] = {}
+
+    def greeted(self, boot_ids: Iterable[str]) -> None:
+        """A greeting named these starts, the oldest first, the one that runs last. Others that are known are older."""
+        named = dict.fromkeys(boot_ids)
+        older = [boot_id for boot_id in self._ranks if boot_id not in named]
+        self._ranks = {boot_id: rank for rank, boot_id in enumerate((*older, *named))}
+
+    def is_before(self, start: BoatStart, other: BoatStart) -> bool:
+        """True for a start that was over when `other` began."""
+        rank, other_rank = self._ranks.get(start.boot_id), self._ranks.get(other.boot_id)
+        if rank is None or other_rank is None:
+            return start.start_no < other.start_no
+        return rank < other_rank
+
+    def sorted(self, starts: Iterable[BoatStart]) -> list[BoatStart]:
+        """The oldest first; starts of which none is before the other stay as they are."""
+        return sorted(starts, key=cmp_to_key(self._compared))
+
+    def _compared(self, start: BoatStart, other: BoatStart) -> int:
+        return self.is_before(other, start) - self.is_before(start, other)
+
+
+def boots_named(runs: Any) -> tuple[str, ...]:
+    """The boot_ids in the `runs` of a greeting, in its order; none where that has another form."""
+    if not isinstance(runs, list | tuple):
+        return ()
+    return tuple(run[0] for run in runs if isinstance(run, list | tuple) and run and isinstance(run[0], str))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from common.boat_config import BoatConfig
-from common.boat_start import BoatStart
+from common.boat_start import BoatStart, StartOrder
 from common.errors import WayfixError
 from common.messages import Event, Frame
 from common.seqset import SeqSet
@@ -27,6 +27,9 @@ class Output:
     events: tuple[Event, ...] = ()
     waiting: tuple[str, ...] | None = None
     """What the first filter lacks before its estimates are valid, empty = nothing; `None` = not the newest frame."""
+    is_past: bool = False
+    """True for a frame of an older clock of the board, and for one that came when its trip was over: all is left as it
+    was."""
 
 
 class Pipeline:
@@ -34,11 +37,18 @@ class Pipeline:
 
     `step_s` = fuse synchronously every so many seconds as in the thesis, instead of each measurement at its own time.
     `judge` = what each filter begins with, after each restart too; `None` = every measurement is fused.
+    `starts` = the order of the board's starts, which the source of the frames keeps; `None` = their numbers say it.
     Raises: WayfixError for an unknown filter, none at all, or a step that is not positive.
     """
 
     def __init__(
-        self, config: BoatConfig, filters: Sequence[str], step_s: float | None = None, judge: Judge | None = None
+        self,
+        config: BoatConfig,
+        filters: Sequence[str],
+        step_s: float | None = None,
+        judge: Judge | None = None,
+        *,
+        starts: StartOrder | None = None,
     ) -> None:
         if not filters:
             raise WayfixError("no filter named", "--filters", "name at least one, for example fuzzy")
@@ -47,6 +57,7 @@ class Pipeline:
             raise WayfixError(f"a step of {step_s:g} s is impossible", "--step", cure)
         self._new_own_ship: Callable[[], OwnShip] = partial(OwnShip, config, tuple(filters), step_s, judge)
         self._own_ship = self._new_own_ship()
+        self._starts = starts or StartOrder()
         self._start: BoatStart | None = None
         """The newest start of the board; `None` before the first frame."""
         self._seen: dict[str, SeqSet] = {}
@@ -56,15 +67,16 @@ class Pipeline:
         """Take in one frame, in any order; known frames and frames of an older clock lead to nothing."""
         start = BoatStart.of(frame)
         newest = self._start or start
-        if start.is_before(newest):
-            return Output()
+        is_older = self._starts.is_before(start, newest)
+        if start.clock_id != newest.clock_id and is_older:
+            return Output(is_past=True)
         if start.clock_id != newest.clock_id:
             self._own_ship = self._new_own_ship()
             self._seen.clear()
             self._own_ship.notices.say("board-rebooted", frame.t0_ns)
         elif self._seen and frame.boot_id not in self._seen:
             self._own_ship.notices.say("daemon-restarted", frame.t0_ns)
-        self._start = newest.followed_by(frame)
+        self._start = newest if is_older else start
         if not self._seen.setdefault(frame.boot_id, SeqSet()).add(frame.first, frame.seq):
             return Output()
         return self._through(frame)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from common.boat_config import BoatConfig
+from common.boat_start import StartOrder, boots_named
 from common.clock import boottime_ns
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
@@ -25,6 +26,7 @@ from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
 from shore.live.cursor import Cursor
 from shore.live.link_loss import LinkLoss
 from shore.live.log import LiveLog
+from shore.logbook.greetings import greeted_record
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
@@ -109,6 +111,7 @@ class LiveRun:
         seeker: is asked for another address while the link is lost.
         """
         self.tally = Tally()
+        self._starts = StartOrder()
         self._link = link
         self._options = options
         self._stopped = stopped
@@ -127,7 +130,8 @@ class LiveRun:
         """Whether the newest frame has come since the board greeted or was silent. Older ones are not asked for before:
         beside it they find their age, and what is older than the horizon starts no filter."""
         settings = options.settings
-        self._status = StatusLine(settings.filter.names[0], say, settings)
+        rate = float(self._connected.get("clock_rate") or 1.0)
+        self._status = StatusLine(settings.filter.names[0], say, settings, boat_seconds_per_s=rate)
         self.account = RunAccount()
         """What the run was, so far."""
         self._watchers = Watchers(self._log, SayEvents(say, settings), self._status, self.account)
@@ -175,7 +179,7 @@ class LiveRun:
         self._connected = connected
         self._config = convert(connected["config"], BoatConfig, "configuration of the board", strict=False)
         asked = self._options.settings.filter
-        self._pipeline = Pipeline(self._config, asked.names, asked.step_s)
+        self._pipeline = Pipeline(self._config, asked.names, asked.step_s, starts=self._starts)
 
     def _begin_session(self) -> None:
         """What comes from here on belongs to the configuration that was adopted last."""
@@ -192,6 +196,7 @@ class LiveRun:
         """Learn from the greeting which frames there are."""
         runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self._connected["runs"]]
         boot_id, next_seq = str(self._connected["boot_id"]), int(self._connected["next_seq"])
+        self._starts.greeted(boots_named(self._connected["runs"]))
         self._ledger.greet(boot_id, next_seq, runs)
         if self._trip is not None:
             self._ledger.begin_trip(boot_id, next_seq, self._trip)
@@ -274,6 +279,7 @@ class LiveRun:
         """The daemon was restarted, and has greeted again."""
         if connected["config"] == self._connected["config"]:
             self._connected = connected
+            self._watchers.note(SESSION, greeted_record(connected), time.time_ns())
         else:
             self._adopt(connected)
             self._begin_session()
@@ -294,6 +300,7 @@ class LiveRun:
         before, now_ns = str(self._log.path), time.time_ns()
         record = {**self._start.record, "options": {**self._start.options, "begun_again": Path(before).name}}
         gone = self._log.begin_again(Start(record, self._config), now_ns)
+        self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
         if self.log_fault is not None:
             return
         self._happened(event("log-gone", self._t_ns, "log", file=before, new=str(self._log.path)), now_ns)

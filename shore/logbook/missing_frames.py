@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 
 import msgpack
 
-from common.messages import UTC_SOURCES, Fix, Frame, SensorHealth
+from common.messages import UTC_SOURCES, Fix, Frame, Heading, SensorHealth
 from common.seqset import SeqSet
 
 _HEAD: Final = {
@@ -108,6 +108,7 @@ def light_frame(data: bytes) -> Frame:
             Fix(sensor=fix["sensor"], t_ns=t0_ns, **{name: fix[name] for name in _FIX_FIELDS if name in fix})
             for fix in fixes
         ),
+        headings=tuple(Heading(sensor=each["sensor"], t_ns=t0_ns) for each in fields.get("headings", ())),
         health=tuple(
             SensorHealth(t_ns=t0_ns, **{name: report[name] for name in _HEALTH_FIELDS if name in report})
             for report in fields.get("health", ())

@@ -3,9 +3,11 @@
 from collections import Counter
 from typing import Any, Final
 
+from common.boat_start import BoatStart, StartOrder
 from common.geodesy import LocalPlane
 from common.messages import UTC_SOURCES, Frame
 from common.units import NS_PER_S
+from shore.logbook.greetings import take_greeting
 
 KEPT: Final = ("name", "place", "note")
 """Fields that an operator gives to a trip, in `/session` records of kind `trip`; the last ones hold."""
@@ -56,17 +58,18 @@ class Rests:
 class UtcOfClocks:
     """UTC as the boat knows it (GNSS before NTP before a real-time clock), one offset for each clock of the board."""
 
-    def __init__(self) -> None:
+    def __init__(self, starts: StartOrder) -> None:
+        """starts: order of the board's starts, as far as it is known when `span` is asked for."""
+        self._starts = starts
         self._offsets: dict[str, tuple[int, int]] = {}
         """Rank of the source, and UTC less boat time (ns), by clock_id; the newest of the best source."""
-        self._spans: dict[str, tuple[int, int, int]] = {}
-        """Lowest start_no, first t0_ns and last t1_ns, by clock_id."""
+        self._spans: dict[str, tuple[BoatStart, int, int]] = {}
+        """One start, first t0_ns and last t1_ns, by clock_id."""
 
     def take(self, frame: Frame) -> None:
         """Take a frame, in any order."""
-        start_no, first_ns, last_ns = self._spans.get(frame.clock_id, (frame.start_no, frame.t0_ns, frame.t1_ns))
-        span = min(start_no, frame.start_no), min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
-        self._spans[frame.clock_id] = span
+        start, first_ns, last_ns = self._spans.get(frame.clock_id, (BoatStart.of(frame), frame.t0_ns, frame.t1_ns))
+        self._spans[frame.clock_id] = start, min(first_ns, frame.t0_ns), max(last_ns, frame.t1_ns)
         rank = UTC_SOURCES.index(frame.utc_src)
         if frame.utc_ns is not None and rank >= max(1, self._offsets.get(frame.clock_id, (0, 0))[0]):
             self._offsets[frame.clock_id] = rank, frame.utc_ns - frame.t0_ns
@@ -82,12 +85,12 @@ class UtcOfClocks:
         """UTC of the first and of the last frame, ns; `None` = the boat did not know it."""
         if not self._spans:
             return None, None
-        order = sorted(self._spans, key=lambda clock_id: self._spans[clock_id][0])
-        found = [
-            self._spans[clock_id][place] + self._offsets[clock_id][1] if clock_id in self._offsets else None
-            for clock_id, place in ((order[0], 1), (order[-1], 2))
-        ]
-        return found[0], found[1]
+        order = [start.clock_id for start in self._starts.sorted(start for start, _, _ in self._spans.values())]
+        first, last = order[0], order[-1]
+        return self._utc_of(first, self._spans[first][1]), self._utc_of(last, self._spans[last][2])
+
+    def _utc_of(self, clock_id: str, t_ns: int) -> int | None:
+        return t_ns + self._offsets[clock_id][1] if clock_id in self._offsets else None
 
 
 class TripSummary:
@@ -100,7 +103,8 @@ class TripSummary:
         self._frames = self._fixes = 0
         self._spans: dict[tuple[str, str], tuple[int, int]] = {}
         """First t0_ns and last t1_ns of each start of the daemon, by clock_id and boot_id: between them nothing ran."""
-        self._clocks = UtcOfClocks()
+        self._starts = StartOrder()
+        self._clocks = UtcOfClocks(self._starts)
         self._filters: list[str] = []
         self._levels: Counter[str] = Counter()
         self._area: tuple[float, float, float, float] | None = None
@@ -112,6 +116,7 @@ class TripSummary:
 
     def session(self, record: dict[str, Any], log_time_ns: int) -> None:
         """Take a `/session` record."""
+        take_greeting(self._starts, record)
         if record.get("kind") == "trip":
             self._words |= {name: record[name] for name in KEPT if record.get(name)}
         elif record.get("kind") == "start" and self._utc_ns is None:

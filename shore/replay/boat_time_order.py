@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from common.boat_start import BoatStart, StartOrder
 from common.errors import WayfixError
 from common.messages import Frame
 
@@ -24,8 +25,8 @@ class FramesByTime:
         self._file = SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115 (closed with this object)
         self._clocks: dict[str, int] = {}
         """Number of each clock in order of arrival, by clock_id."""
-        self._starts: list[int] = []
-        """One start_no of each clock, by number of the clock; the start numbers of different clocks do not mix."""
+        self._starts: list[BoatStart] = []
+        """One start of each clock, by number of the clock; the starts of different clocks do not mix."""
         self._clock, self._t1_ns, self._seq, self._stop, self._group = (array("q") for _ in range(5))
 
     def __len__(self) -> int:
@@ -35,7 +36,7 @@ class FramesByTime:
         """One frame's bytes and the same decoded; raises WayfixError when the disk is full."""
         number = self._clocks.setdefault(frame.clock_id, len(self._clocks))
         if number == len(self._starts):
-            self._starts.append(frame.start_no)
+            self._starts.append(BoatStart.of(frame))
         try:
             self._file.write(data)
         except OSError as error:
@@ -47,11 +48,12 @@ class FramesByTime:
         self._stop.append(self._file.tell())
         self._group.append(group)
 
-    def __iter__(self) -> Iterator[tuple[bytes, int]]:
+    def sorted(self, starts: StartOrder) -> Iterator[tuple[bytes, int]]:
         """(bytes, group) of each frame, sorted by clock, `t1_ns` and `seq`."""
         if not self._t1_ns:
             return
-        place = np.argsort(np.argsort(self._starts, kind="stable"))
+        clocks = [self._clocks[start.clock_id] for start in starts.sorted(self._starts)]
+        place = np.argsort(clocks)
         order = np.lexsort((self._seq, self._t1_ns, place[np.asarray(self._clock)]))
         for index in order.tolist():
             start = self._stop[index - 1] if index else 0

@@ -167,7 +167,7 @@ class Looked:
         try:
             with ExitStack() as stack:
                 if pace is not None:
-                    watchers += _shown(arguments.settings, replay.filters[0])
+                    watchers += _shown(arguments.settings, replay.filters[0], arguments.speed)
                 elif (progress := stack.enter_context(_progress("replaying"))) is not None:
                     watchers.append(progress)
                 if arguments.record is not None:
@@ -206,14 +206,14 @@ class Looked:
             yield estimate
 
 
-def _shown(settings_file: Path | None, name: str) -> "list[Watcher]":
+def _shown(settings_file: Path | None, name: str, speed: float) -> "list[Watcher]":
     """What a live run says: events as they come, a status line each second."""
     from shore.settings.station import station_settings
     from shore.watchers.say import SayEvents
     from shore.watchers.status import StatusLine
 
     settings = station_settings(settings_file)
-    return [SayEvents(say, settings), StatusLine(name, say, settings)]
+    return [SayEvents(say, settings), StatusLine(name, say, settings, boat_seconds_per_s=speed)]
 
 
 def _empty(arguments: argparse.Namespace, replay: "Replay") -> tuple[str, str, str]:

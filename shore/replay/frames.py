@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from common.boat_config import BoatConfig
-from common.boat_start import BoatStart
+from common.boat_start import BoatStart, StartOrder
 from common.codec import decode_frame
 from common.errors import WayfixError
 from common.messages import Frame
 from common.settings import convert
 from common.units import NS_PER_S
+from shore.logbook.greetings import take_greeting
 from shore.logbook.log_reader import LogReader, LogRecord
 from shore.logbook.schemas import FRAMES, SESSION
 from shore.navigation.timeline import HORIZON_NS
@@ -74,6 +75,8 @@ class Frames:
         self._reader = reader
         self._order = order
         self._span = span or Span()
+        self.starts = StartOrder()
+        """Order of the board's starts, as far as the log has been read."""
         self._injection = Injection(inject, self.start.config) if inject else None
 
     def __iter__(self) -> Iterator[Arrival]:
@@ -107,6 +110,7 @@ class Frames:
                     session = self._reader.content(record)
                     if session is None:
                         continue
+                    take_greeting(self.starts, session)
                     if session["kind"] == "start":
                         start = start if is_first else _start(session, self._reader.path)
                         is_first = False
@@ -117,11 +121,16 @@ class Frames:
             if frame is None:
                 self.bad += 1
                 continue
-            if newest is None or _is_newer(frame, newest):
+            if newest is None or self._is_newer(frame, newest):
                 newest = frame
             is_late = frame.clock_id != newest.clock_id or frame.t1_ns < newest.t1_ns - HORIZON_NS
             self.late += is_late or not is_live
             yield Arrival(record.data, frame, start, record.log_time_ns, 0.0, is_live)
+
+    def _is_newer(self, frame: Frame, newest: Frame) -> bool:
+        if frame.clock_id == newest.clock_id:
+            return frame.t1_ns > newest.t1_ns
+        return not self.starts.is_before(BoatStart.of(frame), BoatStart.of(newest))
 
     def _in_order_of_time(self, topics: Iterable[str]) -> Iterator[Arrival | LogRecord]:
         """A start of the daemon has one configuration: the one under which its first frame came."""
@@ -140,14 +149,8 @@ class Frames:
                     starts.append(next(same, item.start))
                 sorter.add(item.data, item.frame, sessions[item.frame.boot_id])
             seconds = RunSeconds()
-            for data, group in sorter:
+            for data, group in sorter.sorted(self.starts):
                 frame = decode_frame(data)
                 # As if it had come at once: its own time of arrival would not grow along the log.
                 log_time_ns = (first_ns or 0) + round(seconds.at(frame) * NS_PER_S)
                 yield Arrival(data, frame, starts[group], log_time_ns, 0.0)
-
-
-def _is_newer(frame: Frame, newest: Frame) -> bool:
-    if frame.clock_id == newest.clock_id:
-        return frame.t1_ns > newest.t1_ns
-    return not BoatStart.of(frame).is_before(BoatStart.of(newest))

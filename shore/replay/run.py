@@ -17,6 +17,7 @@ from typing import Any, Final
 from common.events import is_of_station
 from shore.logbook.arithmetic import arithmetic_here, arithmetic_of, unlike
 from shore.logbook.foxglove import event_of
+from shore.logbook.greetings import GREETED
 from shore.logbook.log_reader import LogRecord, read_log
 from shore.logbook.missing_frames import Census
 from shore.logbook.schemas import ESTIMATES, EVENTS, LINK, SESSION
@@ -29,7 +30,7 @@ from shore.replay.frames import Frames, Span
 from shore.replay.smooth import smooth_log
 from shore.watchers.watcher import SourceState, Start, Step, Watcher
 
-KEPT_KINDS: Final = ("trip", "operator")
+KEPT_KINDS: Final = ("trip", "operator", GREETED)
 """Kinds of session records that a replay passes on."""
 LONGEST_SLEEP_S: Final = 0.2
 
@@ -157,7 +158,7 @@ class Replay:
             if item.start is not start:
                 # A board that came back with another configuration: the live run began again there.
                 start, self._pipeline = item.start, self._new_pipeline(item.start)
-            step = Step.of(item, self._pipeline.push(item.frame) if item.is_live else Output())
+            step = Step.of(item, self._pipeline.push(item.frame) if item.is_live else Output(is_past=True))
             self.frames += 1
             self._why_none.frame(item.frame)
             self.estimates += len(step.records)
@@ -212,7 +213,7 @@ class Replay:
         return Start(record, start.config)
 
     def _new_pipeline(self, start: Start) -> Pipeline:
-        return Pipeline(start.config, self.filters, self.step_s)
+        return Pipeline(start.config, self.filters, self.step_s, starts=self.source.starts)
 
     def _beside(self, record: LogRecord) -> None:
         if record.topic.startswith(ESTIMATES):

@@ -1,9 +1,13 @@
-"""Latest-value cache: the newest of everything a screen shows, each with its source, quality, age and staleness."""
+"""Latest-value cache: the newest of everything a screen shows, each with its source, quality, age and staleness.
 
+An age counts on the boat's clock, up to the newest frame, and from there on the station's own: whatever keeps frames
+away, what is shown grows old.
+"""
+
+from collections.abc import Callable
 from typing import Final, NamedTuple, TypeVar
 
 from common.boat_config import BoatConfig, stale_after_s
-from common.boat_start import BoatStart
 from common.messages import Fix, Frame, Heading
 from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
@@ -17,26 +21,36 @@ _Item = TypeVar("_Item")
 
 
 class Age(NamedTuple):
-    """How old a value is, on the boat's clock."""
+    """How old a value is."""
 
     s: float
     is_stale: bool
-    """True when the value is older than its sensor's rate allows."""
+    """True when the value is older than its sensor's rate allows, or the newest frame is too old."""
 
 
 class Newest:
     """Takes frames in any order: one from before a reboot of the board, or a backfilled one, replaces nothing newer."""
 
-    def __init__(self, config: BoatConfig, shown_filter: str, limits: LimitSettings = DEFAULTS.limits) -> None:
+    def __init__(
+        self,
+        config: BoatConfig,
+        shown_filter: str,
+        limits: LimitSettings = DEFAULTS.limits,
+        now_s: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        """now_s: a clock of the station that runs as fast as the boat's, s; the default stands still."""
         self._config = config
         self.filter = shown_filter
         self._limits = limits
-        self._start: BoatStart | None = None
+        self._now_s = now_s
+        self._clock_id: str | None = None
         self._forget()
 
     def _forget(self) -> None:
         self.t_ns = 0
         """Boat time of the newest frame, ns."""
+        self._due_s = self._now_s()
+        """When the next frame is due, on the station's clock, s."""
         self.fix: Fix | None = None
         self.heading: Heading | None = None
         self.estimate: Estimate | None = None
@@ -45,32 +59,32 @@ class Newest:
 
     def take(self, frame: Frame, output: Output) -> None:
         """One frame and what the pipeline made of it."""
-        start = BoatStart.of(frame)
-        newest = self._start or start
-        if start.is_before(newest):
+        if output.is_past:
             return
-        if start.clock_id != newest.clock_id:
+        if self._clock_id not in (None, frame.clock_id):
             self._forget()  # the board was rebooted: its time begins again
-        self._start = newest.followed_by(frame)
-        self.t_ns = max(self.t_ns, frame.t1_ns)
+        self._clock_id = frame.clock_id
+        if frame.t1_ns > self.t_ns:
+            self.t_ns = frame.t1_ns
+            self._due_s = self._now_s() + (frame.t1_ns - frame.t0_ns) / NS_PER_S
         self.fix = max((*frame.fixes, *_if_any(self.fix)), key=_time, default=None)
         self.heading = max((*frame.headings, *_if_any(self.heading)), key=_time, default=None)
         self.estimate = next((item for item in output.estimates if item.filter == self.filter), self.estimate)
         self.waiting = self.waiting if output.waiting is None else output.waiting
 
     def age(self, item: Fix | Heading) -> Age:
-        """Age of a fix or heading; a sensor that is not configured has no rate, so its values are never stale."""
-        age_s = self._age_s(item.t_ns)
+        """Age of a fix or heading; that of a sensor which is not configured has no rate and is no limit."""
         table = next((each for each in self._config.sensor if each.id == item.sensor), None)
-        return Age(age_s, table is not None and age_s > stale_after_s(table.role, table.rate_hz))
+        return self._age(item.t_ns, float("inf") if table is None else stale_after_s(table.role, table.rate_hz))
 
     def age_of_estimate(self, estimate: Estimate) -> Age:
         """Age of an estimate, which each frame should bring."""
-        age_s = self._age_s(estimate.t_ns)
-        return Age(age_s, age_s > self._limits.estimate_stale_s)
+        return self._age(estimate.t_ns, self._limits.estimate_stale_s)
 
-    def _age_s(self, t_ns: int) -> float:
-        return (self.t_ns - t_ns) / NS_PER_S
+    def _age(self, t_ns: int, most_s: float) -> Age:
+        overdue_s = max(0.0, self._now_s() - self._due_s)
+        age_s = (self.t_ns - t_ns) / NS_PER_S + overdue_s
+        return Age(age_s, age_s > most_s or overdue_s > self._limits.estimate_stale_s)
 
 
 def quality_of(fix: Fix) -> str:

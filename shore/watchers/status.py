@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from math import hypot
 from typing import Final
 
+from common.clock import BoatClock
 from common.units import NS_PER_S
 from common.words import counted
 from shore.link.catching_up import CatchingUp
@@ -31,8 +32,13 @@ class StatusLine(Watcher):
         say: Callable[[str], None],
         settings: StationSettings = DEFAULTS,
         width: Callable[[], int | None] = width_of_stderr,
+        boat_seconds_per_s: float = 1.0,
     ) -> None:
-        """width: of the terminal, characters; `None` = as long as it is."""
+        """width: of the terminal, characters; `None` = as long as it is.
+
+        boat_seconds_per_s: how fast the boat's clock runs beside the station's.
+        """
+        self._clock = BoatClock(boat_seconds_per_s)
         self._width = width
         self._filter = shown_filter
         self._say = say
@@ -42,7 +48,10 @@ class StatusLine(Watcher):
 
     def begin(self, start: Start, t_ns: int) -> None:
         """Forget everything when the configuration is another one."""
-        self.newest = Newest(start.config, self._filter, self._settings.limits)
+        self.newest = Newest(start.config, self._filter, self._settings.limits, self._now_s)
+
+    def _now_s(self) -> float:
+        return self._clock.now_ns() / NS_PER_S
 
     def take(self, step: Step) -> None:
         """Take one frame, in any order."""

@@ -1,33 +1,54 @@
-"""Frames of an older start of the board are known by their clock and number, whatever their order."""
+"""Which start of the board is the newer one: what its greetings say, and else the number of the start."""
 
-from dataclasses import replace
+from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.boat_start import BoatStart
+from common.boat_start import BoatStart, StartOrder, boots_named
 from tests.strategies import frame_of
 
 
-def test_an_older_clock_is_before_a_newer_one_and_one_clock_is_never_before_itself() -> None:
-    old, new = BoatStart("c1", 3), BoatStart("c2", 4)
-    assert old.is_before(new)
-    assert not new.is_before(old)
-    assert not BoatStart("c1", 1).is_before(old), "a daemon that was restarted on one boot: its times are comparable"
-    assert not BoatStart("c2", 4).is_before(BoatStart("c1", 4)), "without a start counter the other clock is a new one"
+def start(boot_id: str, start_no: int = 1) -> BoatStart:
+    return BoatStart("c" + boot_id, boot_id, start_no)
 
 
-@given(st.lists(st.tuples(st.sampled_from(["c1", "c2"]), st.integers(0, 5)), min_size=1))
-def test_the_newest_start_has_the_highest_number_that_came(starts: list[tuple[str, int]]) -> None:
-    newest = BoatStart(*starts[0])
-    taken = [newest.start_no]
-    for clock_id, start_no in starts:
-        frame = replace(frame_of(), clock_id=clock_id, start_no=start_no)
-        if not BoatStart.of(frame).is_before(newest):
-            newest = newest.followed_by(frame)
-            taken.append(start_no)
-            assert newest.clock_id == clock_id
-    assert newest.start_no == max(taken)
+def test_without_a_greeting_the_number_decides() -> None:
+    order = StartOrder()
+    assert order.is_before(start("a", 3), start("b", 4))
+    assert not order.is_before(start("b", 4), start("a", 3))
+    assert not order.is_before(start("b", 4), start("a", 4)), "without a start counter the other one is a new one"
+
+
+def test_a_greeting_counts_more_than_a_number_that_went_back() -> None:
+    order = StartOrder()
+    order.greeted(["a", "b"])
+    assert order.is_before(start("a", 12), start("b", 1))
+    assert not order.is_before(start("b", 1), start("a", 12))
+
+
+def test_what_a_later_greeting_does_not_name_any_more_is_older() -> None:
+    order = StartOrder()
+    order.greeted(["a", "b"])
+    order.greeted(["c"])
+    assert order.sorted([start("c", 1), start("b", 2), start("a", 3)]) == [start("a", 3), start("b", 2), start("c", 1)]
+
+
+@given(st.lists(st.lists(st.sampled_from("abcdefgh"), unique=True), max_size=6))
+def test_the_last_greeting_holds_and_the_one_that_runs_is_the_newest(greetings: list[list[str]]) -> None:
+    order = StartOrder()
+    for named in greetings:
+        order.greeted(named)
+    for named in filter(None, greetings[-1:]):
+        assert all(order.is_before(start(older, 9), start(newer, 1)) for older, newer in pairwise(named))
+        known = {boot_id for each in greetings for boot_id in each} - {named[-1]}
+        assert all(order.is_before(start(boot_id, 9), start(named[-1], 1)) for boot_id in known)
+
+
+def test_runs_of_a_greeting_of_any_form() -> None:
+    assert boots_named([["a", 1, 0, 9], ["b", 2, 0, 3]]) == ("a", "b")
+    assert boots_named([5, [], [3, 1], None, ["a"]]) == ("a",)
+    assert boots_named(5) == boots_named(None) == ()
 
 
 def test_a_merged_frame_covers_its_numbers() -> None:

@@ -71,7 +71,7 @@ def export(*words: object) -> int:
     return run(parser.parse_args([str(word) for word in words]))
 
 
-def estimate(t_s: float, lat_deg: float, lon_deg: float, **more: Any) -> dict[str, Any]:
+def estimated(t_s: float, lat_deg: float, lon_deg: float, **more: Any) -> Estimate:
     """A whole estimate of a filter with five states, at that place."""
     made = Estimate(
         t_ns=round(t_s * NS), boot_id="b1", seq=round(t_s * 10), filter="ukf", names=("east_m", "north_m"),
@@ -80,7 +80,12 @@ def estimate(t_s: float, lat_deg: float, lon_deg: float, **more: Any) -> dict[st
         sigma_heading_deg=1.0, aligned=True, aligned_parts=("position", "heading"), waiting=(), position_from="fix",
         position_since_ns=0, heading_from="compass", repairs=0, channels={},
     )  # fmt: skip
-    return replace(made, **more).as_record()
+    return replace(made, **more)
+
+
+def estimate(t_s: float, lat_deg: float, lon_deg: float, **more: Any) -> dict[str, Any]:
+    """Its record."""
+    return estimated(t_s, lat_deg, lon_deg, **more).as_record()
 
 
 BOOTS: dict[str, dict[str, Any]] = {"b1": {}, "b2": {"boot_id": "b2", "clock_id": "c2", "start_no": 2}}

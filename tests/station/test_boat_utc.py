@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from common.boat_start import StartOrder
 from common.messages import Frame
 from shore.live.earlier_trips import complete_trips
 from shore.logbook.log_reader import read_log
@@ -81,7 +82,7 @@ def test_1970_is_no_date(tmp_path: Path) -> None:
 
 
 def test_the_best_source_of_a_clock_holds_and_clocks_are_kept_apart() -> None:
-    clocks = UtcOfClocks()
+    clocks = UtcOfClocks(StartOrder())
     frame = replace(frame_of(), clock_id="a", start_no=2, t0_ns=10, t1_ns=20)
     clocks.take(frame)
     assert clocks.span() == (None, None)

@@ -14,7 +14,7 @@ from shore.watchers.newest import Newest
 from shore.watchers.status import position_text, status_text
 from shore.watchers.watcher import SourceState
 from tests.navigate.voyages import UNCALIBRATED, frames_of, sail
-from tests.station.exporting import estimate
+from tests.station.exporting import estimate, estimated
 from tests.strategies import frame_of
 
 CONFIG = BoatConfig(
@@ -43,6 +43,23 @@ def test_every_number_has_its_age_and_a_stale_one_says_so() -> None:
     assert "gps1 GPS (0.5 s) | compass1 007.0°M (0.5 s)" in status_text(line, SourceState(1, 0))
     line.take(ended_at(7.0), Output())
     assert "gps1 GPS STALE (6 s) | compass1 007.0°M STALE (6 s)" in status_text(line, SourceState(2, 0))
+
+
+def test_a_picture_whose_frames_stopped_grows_old_on_the_stations_own_clock() -> None:
+    now_s = [100.0]
+    line = Newest(CONFIG, "ukf", now_s=lambda: now_s[0])
+    fix = Fix(sensor="gps1", t_ns=NS_PER_S, lat_deg=1.0, lon_deg=2.0, fix_quality=1)
+    output = Output(estimates=(estimated(1.4, 50.0, -1.0),))
+    line.take(replace(ended_at(1.5, fix), t0_ns=1_400_000_000), output)
+    shown = {}
+    for after_s in (0.1, 1.0, 2.0, 2.2, 3.0, 60.0):
+        now_s[0] = 100.0 + after_s
+        shown[after_s] = status_text(line, SourceState(0, 0)).split(" | ")[:2]
+    assert shown[0.1][1] == "gps1 GPS (0.5 s)", "the next frame is only due"
+    assert shown[1.0][1] == "gps1 GPS (1.4 s)"
+    assert not any("STALE" in text for after_s in (0.1, 1.0) for text in shown[after_s])
+    assert all("STALE" in text for after_s in (2.2, 3.0, 60.0) for text in shown[after_s])
+    assert shown[60.0][1] == "gps1 GPS STALE (60 s)"
 
 
 def test_what_the_filter_waits_for_is_said_until_nothing_is_missing(short_voyage: list[Frame]) -> None:
@@ -76,7 +93,7 @@ def test_backfill_changes_nothing_and_a_reboot_begins_anew() -> None:
     newest = status_text(line, SourceState(0, 0))
     line.take(ended_at(1.5, fixes[1]), Output())
     assert status_text(line, SourceState(0, 0)) == newest
-    line.take(replace(ended_at(1.5, fixes[1]), clock_id="before", start_no=-1), Output())
+    line.take(replace(ended_at(1.5, fixes[1]), clock_id="before", start_no=-1), Output(is_past=True))
     assert status_text(line, SourceState(0, 0)) == newest
     line.take(replace(ended_at(1.5, fixes[1]), clock_id="after", start_no=1), Output())
     assert "gps1 DGPS (0.5 s)" in status_text(line, SourceState(0, 0))
