@@ -22,6 +22,7 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     Raises: OSError.
     """
     part = part_of(path)
+    part.unlink(missing_ok=True)  # of a process that had our number before a power cut
     try:
         with part.open("xb") as stream:
             yield stream

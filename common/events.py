@@ -130,6 +130,16 @@ EVENTS: Final[dict[str, EventKind]] = {
     "state-unusable": EventKind(
         "warning", "the start counter cannot be kept: {reason}", "give a writable --state directory"
     ),
+    "state-gone": EventKind(
+        "error",
+        "the state directory {path} was removed or emptied: start counter and spool are made again",
+        "put its keys back before the next start, or pair the stations again then; those that are paired now stay so",
+    ),
+    "state-mended": EventKind(
+        "warning",
+        "the start counter {reason}: this is start {start_no}",
+        "nothing, after a power cut or where the card is of a backup; look at the card if it comes again",
+    ),
     "station-refused": EventKind(
         "warning",
         "a station was refused: its key {fingerprint} is not on the allow list",
@@ -157,6 +167,12 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "board-rebooted": EventKind(
         "warning", "the board was rebooted; the filters start anew", "nothing to do", side=FILTERS
+    ),
+    "start-counter-back": EventKind(
+        "warning",
+        "the board counts its starts from {start_no} on again (before: {before})",
+        "nothing for the frames, which come in the right order; look whether the board's card is the right one",
+        side=FILTERS,
     ),
     "origin-moved": EventKind(
         "warning",
@@ -318,6 +334,11 @@ EVENTS: Final[dict[str, EventKind]] = {
         "error",
         "another daemon stores its frames in {path}; those of this one are only in memory",
         "stop the other daemon, or give this one a --state directory of its own",
+    ),
+    "spool-gone": EventKind(
+        "error",
+        "the spool {path} was removed, or another disk is there: it begins again with the newest {count} frames",
+        "leave the state directory alone while the daemon runs",
     ),
     "spool-restored": EventKind("info", "frames are stored on disk again", "nothing to do"),
     "spool-behind": EventKind(

@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import os
 import secrets
 import signal
 from collections.abc import Callable
@@ -33,6 +32,7 @@ from onboard.notify import Notifier
 from onboard.reading.acquisition import Acquisition, versions
 from onboard.reading.polled_port import PolledPort
 from onboard.spool import Spool
+from onboard.start_counter import count_start, is_kept, keep_count
 
 log = logging.getLogger(__name__)
 
@@ -40,36 +40,11 @@ DRAIN_S: Final = 0.5
 GOODBYE_S: Final = 1.0
 """Time that clients have to say goodbye, s; with the other waits of the end less than TimeoutStopSec= of the
 service."""
+STATE_LOOK_S: Final = 1.0
+"""Interval at which the daemon looks whether its state directory is still there, s."""
 CATCH_UP_NS: Final = 60 * NS_PER_S
 """Longest gap that is filled with empty frames, ns; a board that slept longer (suspend) leaves a hole in the grid."""
 _LOG_LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
-
-
-def next_start_no(state_dir: Path | None) -> tuple[int, str | None]:
-    """Count one more start in the state directory (0 without one): the number, and why it could not be kept.
-
-    A boat must sail: a counter that is damaged or cannot be written is a warning, never a refusal.
-    """
-    if state_dir is None:
-        return 0, None
-    file = state_dir / "start_no"
-    number, fault = 1, None
-    try:
-        if file.exists():
-            number = int(file.read_text(encoding="ascii")) + 1
-    except (OSError, ValueError) as error:
-        fault = f"{file}: {error}"
-    try:
-        state_dir.mkdir(parents=True, exist_ok=True)
-        temporary = file.with_suffix(".new")
-        with temporary.open("w", encoding="ascii") as stream:
-            stream.write(f"{number}\n")
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(file)
-    except OSError as error:
-        fault = f"{file}: {error.strerror}"
-    return number, fault
 
 
 def status_text(boat_id: str, delivering: int, sensors: int, clients: int) -> str:
@@ -99,8 +74,9 @@ class Daemon:
         self.period_ns = round(NS_PER_S / config.frames.rate_hz)
         now_ns = clock.now_ns()
         self._next_tick_ns = (now_ns // self.period_ns + 1) * self.period_ns
-        start_no, self._state_fault = next_start_no(state_dir)
-        identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), start_no)
+        self._state_dir = state_dir
+        self._counted = count_start(state_dir)
+        identity = Identity(config.boat.id, secrets.token_hex(8), machine_clock_id(), self._counted.number)
         self.acquisition = Acquisition(config, identity, self._next_tick_ns - self.period_ns, now_ns, _log_event)
         self.ports = [PolledPort(chain, clock) for chain in self.acquisition.chains]
         self._journal = Journal(self.acquisition.happened, clock.now_ns)
@@ -150,10 +126,12 @@ class Daemon:
         self._journal.tell("daemon-started", sensors=len(self.config.sensor))
         self._access.opened(endpoint)
         self._tell_gap()
-        if self._state_fault is not None:
-            self._journal.tell("state-unusable", reason=self._state_fault)
+        if self._counted.mended is not None:
+            self._journal.tell("state-mended", reason=self._counted.mended, start_no=self._counted.number)
+        if self._counted.fault is not None:
+            self._journal.tell("state-unusable", reason=self._counted.fault)
         workers += [asyncio.create_task(polled.port.run()) for polled in self.ports]
-        for work in (self.server.run(), control.run(), self._tick_for_ever()):
+        for work in (self.server.run(), control.run(), self._tick_for_ever(), self._watch_state()):
             workers.append(asyncio.create_task(work))
         self.parts.append(lambda: not any(worker.done() for worker in workers))
         stopping = asyncio.create_task(self._stop.wait())
@@ -226,6 +204,18 @@ class Daemon:
             self._next_tick_ns += self.period_ns
             self.server.publish(frame)
             self._published(frame)
+
+    async def _watch_state(self) -> None:
+        """A state directory that is removed is made again: the next start goes on counting. The disk may be slow."""
+        fault = self._counted.fault
+        while True:
+            await asyncio.sleep(STATE_LOOK_S)
+            if self._state_dir is None or fault is not None or await asyncio.to_thread(is_kept, self._state_dir):
+                continue
+            fault = await asyncio.to_thread(keep_count, self._state_dir, self._counted.number)
+            self._journal.tell("state-gone", path=str(self._state_dir))
+            if fault is not None:
+                self._journal.tell("state-unusable", reason=fault)
 
     def _published(self, frame: Frame) -> None:
         """Proof of life, given by the tick itself: a hanging loop or tick leaves the mark and the watchdog alone."""

@@ -74,6 +74,10 @@ class Pipeline:
             self._own_ship = self._new_own_ship()
             self._seen.clear()
             self._own_ship.notices.say("board-rebooted", frame.t0_ns)
+            if 0 < start.start_no <= newest.start_no:
+                self._own_ship.notices.say(
+                    "start-counter-back", frame.t0_ns, start_no=start.start_no, before=newest.start_no
+                )
         elif self._seen and frame.boot_id not in self._seen:
             self._own_ship.notices.say("daemon-restarted", frame.t0_ns)
         self._start = newest if is_older else start

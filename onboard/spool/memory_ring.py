@@ -75,6 +75,11 @@ class FrameList:
         while (first := self.first_seq) is not None and first <= seq:
             self.drop_first()
 
+    def before(self, seq: int) -> list[Item]:
+        """All frames below `seq`."""
+        end = bisect_left(self._seqs, seq, lo=self._head)
+        return list(zip(self._seqs[self._head : end], self._data[self._head : end], strict=True))
+
     def between(self, first: int, last: int, max_bytes: int) -> list[Item]:
         """Frames of [first, last], with one more than `Gathering` takes where there are more than fit."""
         at = bisect_left(self._seqs, first, lo=self._head)

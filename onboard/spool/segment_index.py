@@ -96,6 +96,14 @@ def segments_in(directory: Path) -> list[Segment]:
     return sorted(found, key=lambda segment: segment.name)
 
 
+def highest_number(directory: Path, most: int) -> int:
+    """The highest number of a start, up to `most`, that a segment is named after; 0 = there is none."""
+    try:
+        return max((each.name.number for each in segments_in(directory) if each.name.number <= most), default=0)
+    except OSError:
+        return 0
+
+
 def recovered(segments: Iterable[Segment]) -> tuple[Shelf, list[Damage]]:
     """What earlier starts left behind, and the damaged stretches of the newest segment, which is read whole.
 

@@ -58,6 +58,13 @@ class SpoolState:
             self._is_behind = False
             self.happened.append(("spool-caught-up", {"dropped": self.dropped}))
 
+    def wait_again(self) -> int:
+        """What was written is lost: all frames in memory wait for the disk. Returns their number."""
+        first = self.waiting.first_seq
+        self.waiting.put_back(self.ring.before(2**64 if first is None else first))
+        self.synced_seq = -1
+        return len(self.waiting)
+
     def batch(self) -> list[Item]:
         """What waits longest."""
         return self.waiting.between(0, 2**64, BATCH_BYTES)

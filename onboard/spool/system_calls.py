@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from common.atomic_file import sync_directory
@@ -29,14 +30,24 @@ class Disk:
         return descriptor
 
     def create(self, path: Path) -> int:
-        """A new file, with its name durable."""
+        """A new file, with its name durable; none is left where that fails, for the next try takes the same name."""
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
         try:
             sync_directory(path.parent)
         except OSError:
             os.close(descriptor)
+            with suppress(OSError):
+                path.unlink()
             raise
         return descriptor
+
+    def is_there(self, descriptor: int, path: Path) -> bool:
+        """Whether an open file still has this name: neither removed, nor under another disk that is mounted there."""
+        try:
+            named, held = path.stat(), os.fstat(descriptor)
+        except FileNotFoundError:
+            return False
+        return (named.st_dev, named.st_ino) == (held.st_dev, held.st_ino)
 
     def write(self, descriptor: int, data: bytes | memoryview) -> int:
         """How many bytes were taken."""

@@ -22,9 +22,9 @@ from onboard.spool.segment_format import (
     pack_record,
     seed_of,
 )
-from onboard.spool.segment_index import Segment, recovered, segments_in
+from onboard.spool.segment_index import Segment, Shelf, recovered, segments_in
 from onboard.spool.shared_state import SpoolState
-from onboard.spool.system_calls import Disk
+from onboard.spool.system_calls import LOCK_NAME, Disk
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +32,16 @@ MIB: Final = 1 << 20
 LONGEST_DELAY_S: Final = 60.0
 STEADY_S: Final = 5.0
 """Time without a new fault after which a fault is over, s: a full disk takes a few frames now and then."""
+LOOK_S: Final = 1.0
+"""Interval at which the writer looks whether its files are still there, s."""
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
+DOUBTED: Final = 3
+"""Number of times in a row that a disk may say it is full, while it says that it has room, before it is believed: a
+quota, or no more files, look like that too."""
+
+
+class _GoneError(Exception):
+    """The directory of the spool was removed, or another disk is there."""
 
 
 class Writer:
@@ -64,7 +73,9 @@ class Writer:
         """Number of the last frame in a file, and of the last durable one."""
         self._synced_s = self._retry_s = 0.0
         self._delay_s = 0.0
-        self._failed_s = 0.0
+        self._failed_s = self._looked_s = 0.0
+        self._full_count = 0
+        """Number of times in a row that the disk has said it is full."""
         self._told: set[str] = set()
 
     def open(self) -> None:
@@ -91,6 +102,7 @@ class Writer:
             try:
                 if self._lock is None:
                     self.open()
+                self._look()
                 self._write(batch)
                 if time.monotonic() - self._synced_s >= self._table.sync_s:
                     self._sync()
@@ -107,11 +119,13 @@ class Writer:
         A full disk costs one old segment at a time, so that a program that fills it does not cost all of them.
         """
         state = self._state
-        made_room = isinstance(error, OSError) and error.errno in _NO_ROOM and self._make_room()
-        if self._segment is not None:
-            with suppress(OSError):
-                self._disk.close(self._file)
-            self._segment = None
+        if isinstance(error, _GoneError):
+            self._begin_again()
+            return
+        is_full = isinstance(error, OSError) and error.errno in _NO_ROOM
+        self._full_count = self._full_count + 1 if is_full else 0
+        made_room = is_full and self._make_room()
+        self._drop_segment()
         if not isinstance(error, OSError):
             log.error("spool", exc_info=error)
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
@@ -126,6 +140,38 @@ class Writer:
         self._failed_s = time.monotonic()
         self._retry_s = self._failed_s + self._delay_s
         self._delay_s = min(LONGEST_DELAY_S, max(1.0, 2 * self._delay_s))
+
+    def _drop_segment(self) -> None:
+        if self._segment is not None:
+            with suppress(OSError):
+                self._disk.close(self._file)
+            self._segment = None
+
+    def _look(self) -> None:
+        """Once a second: what is written must be where a person, or the next start, looks for it. Raises _GoneError."""
+        now_s = time.monotonic()
+        if self._lock is None or now_s - self._looked_s < LOOK_S:
+            return
+        self._looked_s = now_s
+        files = [(self._lock, self._directory / LOCK_NAME)]
+        if self._segment is not None:
+            files.append((self._file, self._segment.path))
+        if not all(self._disk.is_there(*file) for file in files):
+            raise _GoneError
+
+    def _begin_again(self) -> None:
+        """What memory holds is written once more, to a directory that is made where there is none."""
+        state = self._state
+        self._drop_segment()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+        with state.condition:
+            state.shelf = Shelf()
+            count = state.wait_again()
+            state.happened.append(("spool-gone", {"path": str(self._directory), "count": count}))
+        self._unsynced = []
+        self._put_seq = self._synced_seq = -1
 
     def _next(self) -> list[Item] | None:
         """Frames to write, none when a sync is due, None when it is over."""
@@ -224,6 +270,7 @@ class Writer:
         is_steady = self._synced_s - self._failed_s >= STEADY_S
         if is_steady:
             self._delay_s = 0.0
+        self._full_count = 0
         with self._state.condition:
             self._state.synced_seq = self._put_seq
             if is_steady and self._state.fault is not None:
@@ -245,25 +292,32 @@ class Writer:
                 self._tell_once("spool-rolling", max_mib=self._table.max_mib)
             surplus -= segment.size
             short -= segment.size
-            self._remove(segment)
+            self._let_go(segment)
 
     def _make_room(self) -> bool:
-        """The disk is full: let the oldest segment go. False when there is none, or it cannot be removed."""
+        """The disk is full: let the oldest segment go. False when none can be removed, or there is room after all."""
+        with suppress(OSError):
+            if self._disk.free_bytes(self._directory) >= SEGMENT_BYTES and self._full_count <= DOUBTED:
+                return False
         oldest = next(iter(self._state.shelf.segments), None)
         if oldest is None or oldest is self._segment:
             return False
         try:
-            self._remove(oldest)
+            self._let_go(oldest)
         except OSError:
             return False
         self._tell_once("spool-full")
         return True
 
+    def _let_go(self, segment: Segment) -> None:
+        self._remove(segment)
+        with self._state.condition:
+            self._state.removed += 1
+
     def _remove(self, segment: Segment) -> None:
         self._disk.unlink(segment.path)
         with self._state.condition:
             self._state.shelf = self._state.shelf.without(segment)
-            self._state.removed += 1
 
     def _tell_once(self, code: str, **evidence: Any) -> None:
         if code not in self._told:

@@ -9,7 +9,7 @@ from typing import Any, Final
 from common.boat_start import StartOrder, boots_named
 
 GREETED: Final = "greeted"
-"""Kind of a `/session` record."""
+"""Kind of the `/session` record of a greeting that came within a session."""
 
 
 def greeted_record(connected: dict[str, Any]) -> dict[str, Any]:

@@ -94,6 +94,8 @@ class FaultyDisk(Disk):
     def __init__(self) -> None:
         self.sync_s = 0.0
         self.sync_faults = 0
+        self.full_faults = 0
+        """Number of writes that say the disk is full, though it has room."""
         self.room: int | None = None
         """Bytes that are left; unlinking gives them back."""
         self.read_only = False
@@ -120,6 +122,9 @@ class FaultyDisk(Disk):
         self.gate.wait()
         if self.read_only:
             self._refuse(errno.EROFS)
+        if self.full_faults:
+            self.full_faults -= 1
+            self._refuse(errno.ENOSPC)
         if self.room is not None:
             if self.room == 0:
                 self._refuse(errno.ENOSPC)
@@ -141,6 +146,9 @@ class FaultyDisk(Disk):
         if self.room is not None and path.exists():
             self.room += path.stat().st_size
         super().unlink(path)
+
+    def free_bytes(self, directory: Path) -> int:
+        return super().free_bytes(directory) if self.room is None else self.room
 
     def truncate(self, descriptor: int, size: int) -> None:
         if self.room is not None:

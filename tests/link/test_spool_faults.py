@@ -1,12 +1,15 @@
 """Disks that are slow, full, broken or read-only: frames go on, and what happened is told once."""
 
+import errno
 import os
+import shutil
 import subprocess
 import time
 from pathlib import Path
 
 import pytest
 
+from common.atomic_file import sync_directory
 from common.boat_config import SpoolTable
 from onboard.spool import shared_state as spool_state
 from onboard.spool.segment_index import segments_in
@@ -98,6 +101,79 @@ def test_a_failed_sync_begins_a_new_segment(tmp_path: Path, faults: int) -> None
     assert read_all(later, BOOT, 0, 99) == ({seq: payload(seq) for seq in range(100)}, set())
     later.close(1.0)
     assert examined(directory, BOOT).findings == []
+
+
+@pytest.fixture
+def _looks_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("onboard.spool.writer.LOOK_S", 0.0)
+
+
+@pytest.mark.parametrize("gone", ["directory", "segment", "exchanged"])
+@pytest.mark.usefixtures("_looks_each_time")
+def test_a_spool_that_is_removed_begins_again_with_what_memory_holds(tmp_path: Path, gone: str) -> None:
+    directory, told = tmp_path / "state" / "spool", Told()
+    filled(directory, 30, 1)
+    spool = spool_at(directory, 2, told=told)
+    count = 9_000  # more than one read gives
+    for seq in range(count):
+        spool.append(seq, payload(seq, 40))
+        if seq % 1000 == 999:
+            until(lambda seq=seq: spool.synced_seq == seq)  # type: ignore[misc]
+    if gone == "directory":
+        shutil.rmtree(directory.parent)
+    elif gone == "exchanged":
+        directory.rename(tmp_path / "pulled")
+        filled(directory, 7, 9)
+    else:
+        for file in directory.glob("*.seg"):
+            file.unlink()
+    spool.append(count, payload(count, 40))
+    until(lambda: spool.synced_seq == count)
+    spool.close(5.0)
+    assert told.codes == ["spool-gone"]
+    assert told[0].evidence["count"] == count + 1
+    later = spool_at(directory, 3)
+    boot = identity(2).boot_id
+    assert read_all(later, boot, 0, count) == ({seq: payload(seq, 40) for seq in range(count + 1)}, set())
+    assert [run.boot_id for run in later.runs()][-2] == boot, "it is the newest of those before, whatever lay there"
+    later.close(1.0)
+
+
+def test_a_directory_that_cannot_be_synced_while_a_segment_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = [OSError(errno.EIO, os.strerror(errno.EIO))]
+
+    def sync(directory: Path) -> None:
+        if faults:
+            raise faults.pop()
+        sync_directory(directory)
+
+    monkeypatch.setattr("onboard.spool.system_calls.sync_directory", sync)
+    told = Told()
+    spool = spool_at(tmp_path / "spool", told=told)
+    for seq in range(20):
+        spool.append(seq, payload(seq))
+    until(lambda: spool.synced_seq == 19)
+    spool.close(5.0)
+    assert told.codes == ["spool-failed", "spool-restored"]
+    later = spool_at(tmp_path / "spool", 2)
+    assert read_all(later, BOOT, 0, 19) == ({seq: payload(seq) for seq in range(20)}, set())
+    later.close(1.0)
+
+
+def test_a_disk_that_is_full_for_a_moment_costs_no_segment(tmp_path: Path) -> None:
+    filled(tmp_path / "spool", 500, 1)
+    disk, told = FaultyDisk(), Told()
+    disk.full_faults = 2
+    spool = spool_at(tmp_path / "spool", 2, disk=disk, told=told)
+    for seq in range(20):
+        spool.append(seq, payload(seq))
+    until(lambda: spool.synced_seq == 19)
+    spool.close(5.0)
+    assert spool.status()["removed"] == 0
+    assert told.codes == ["spool-failed", "spool-restored"]
+    assert len(read_all(spool_at(tmp_path / "spool", 3), BOOT, 0, 499)[0]) == 500
 
 
 def test_the_very_first_sync_fails(tmp_path: Path) -> None:

@@ -29,12 +29,21 @@ class Board:
         self.made: dict[str, list[Frame]] = {}
         self.t_ns = voyage[0].t0_ns
         self.has_sensors = True
+        self.clock_id = voyage[0].clock_id
+        self.numbers: dict[str, int] = {}
+        """Number of each start, by boot_id."""
         self.restart()
 
-    def restart(self) -> None:
-        """The daemon is started, on the same clock."""
+    def restart(self, start_no: int | None = None) -> None:
+        """The daemon is started, on the same clock. start_no: what its counter says, where it does not go on."""
         self.boot_id = f"{len(self.made) + 1:016x}"
         self.made[self.boot_id] = []
+        self.numbers[self.boot_id] = len(self.made) if start_no is None else start_no
+
+    def reboot(self, start_no: int | None = None) -> None:
+        """The board itself is started: its clock begins again."""
+        self.clock_id = f"clock{len(self.made) + 1}"
+        self.restart(start_no)
 
     def make(self, count: int = 1) -> None:
         """Frames go by, whether a station is there or not."""
@@ -43,8 +52,9 @@ class Board:
             number = (self.t_ns - self._voyage[0].t0_ns) // PERIOD_NS
             frame = self._voyage[number if self.has_sensors else 0]
             identity: dict[str, Any] = {
-                "boat_id": "springer", "boot_id": self.boot_id, "seq": len(own), "start_no": len(self.made),
-                "t0_ns": self.t_ns, "t1_ns": self.t_ns + PERIOD_NS, "utc_ns": UTC_NS + self.t_ns, "utc_src": "gnss",
+                "boat_id": "springer", "boot_id": self.boot_id, "seq": len(own), "clock_id": self.clock_id,
+                "start_no": self.numbers[self.boot_id], "t0_ns": self.t_ns, "t1_ns": self.t_ns + PERIOD_NS,
+                "utc_ns": UTC_NS + self.t_ns, "utc_src": "gnss",
             }  # fmt: skip
             nothing: dict[str, Any] = dict.fromkeys(("fixes", "headings", "imu", "events"), ())
             state, reason = ("delivering", None) if self.has_sensors else ("missing", "no such file")
@@ -73,12 +83,18 @@ class SpoolLink:
 
     def connect(self, *_arguments: Any, wants: Callable[[], Wants], **_named: Any) -> dict[str, Any]:
         self._wants = wants
+        return self._greeting()
+
+    def _greeting(self) -> dict[str, Any]:
         made, boot_id = self._board.made, self._board.boot_id
-        runs = [[name, number, 0, len(frames)] for number, (name, frames) in enumerate(made.items(), 1)]
+        self._greeted = boot_id
+        runs = [[name, self._board.numbers[name], 0, len(frames)] for name, frames in made.items()]
         config = without_none(asdict(BOAT))
         return {"boot_id": boot_id, "next_seq": len(made[boot_id]), "config": config, "runs": runs}
 
     def receive(self, timeout_s: float) -> Received | None:
+        if self._greeted != self._board.boot_id:
+            return Received(connected=self._greeting())
         missing = self._wants().missing
         if missing and self._sent < self._fill:
             self._sent += 1

@@ -5,6 +5,7 @@ import random
 import re
 import shutil
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -106,6 +107,47 @@ def test_a_completed_trip_is_replayed_as_it_was_seen(tmp_path: Path, board: Boar
     assert sailed[-1].frame.t1_ns > steps[round(TRIP_S * 10) - 1].frame.t1_ns + ALONE_S * 1e9
 
 
+@pytest.mark.parametrize("number", [1, 11, 12])
+@pytest.mark.parametrize("is_connected", [True, False])
+def test_a_start_counter_that_went_back_freezes_no_picture(
+    number: int, is_connected: bool, tmp_path: Path, board: Board
+) -> None:
+    """A counter that is empty or of an older backup: while the station runs, or while it has frames to fetch."""
+    board.numbers[board.boot_id] = 12
+    if is_connected:
+        looks = 0
+
+        def look() -> None:
+            nonlocal looks
+            looks += 1
+            if looks == 60:
+                board.make(20)
+                board.reboot(number)
+
+        log = session(tmp_path, board, 12.0, look=look)[0].log_path
+    else:
+        session(tmp_path, board, 5.0)
+        board.make(80)
+        board.reboot(number)
+        board.make(10)
+        log = session(tmp_path, board, 8.0)[0].log_path
+    assert log is not None
+    made = list(read_log(log).estimates())
+    newest = board.made[board.boot_id]
+    assert made[-1]["t_ns"] == newest[-1].t1_ns
+    first = next(record["t_ns"] for record in made if record["boot_id"] == board.boot_id)
+    assert first - newest[0].t0_ns < 3e9
+    replay = Replay(log)
+    list(replay)
+    assert replay.comparison is not None
+    assert not replay.comparison.differs
+    assert replay.comparison.estimates.equal == len(made)
+    in_order = [step.frame.boot_id for step in Replay(log, order="time")]
+    assert in_order == sorted(in_order), "these are numbered as they were made"
+    complete_trips(tmp_path, print)
+    check_each_frame_once(tmp_path, board)
+
+
 def test_what_a_trip_lacks_is_said_until_it_came(tmp_path: Path, board: Board) -> None:
     board.has_sensors = False
     first = session(tmp_path, board, 3.0)[0].log_path
@@ -124,6 +166,12 @@ def test_what_a_trip_lacks_is_said_until_it_came(tmp_path: Path, board: Board) -
     check_each_frame_once(tmp_path, board)
 
 
+def copied(source: str, target: str) -> None:
+    """A file that is renamed meanwhile is not there any more."""
+    with suppress(FileNotFoundError):
+        shutil.copy2(source, target)
+
+
 @pytest.mark.slow
 def test_power_cuts_anywhere_leave_each_frame_in_one_trip(tmp_path: Path, board: Board) -> None:
     """The directory as it lies on the disk at some moments of a session that fetches the frames of two trips before."""
@@ -135,7 +183,8 @@ def test_power_cuts_anywhere_leave_each_frame_in_one_trip(tmp_path: Path, board:
 
     def cut() -> None:
         if draw.random() < 0.04 and len(cuts) < 6:
-            cuts.append((Path(shutil.copytree(logs, tmp_path / f"cut{len(cuts)}")), copy.deepcopy(board)))
+            place = tmp_path / f"cut{len(cuts)}"
+            cuts.append((Path(shutil.copytree(logs, place, copy_function=copied)), copy.deepcopy(board)))
 
     session(logs, board, 6.0, fill=3, look=cut)
     assert len(cuts) == 6
