@@ -1,5 +1,6 @@
 """Atomic file replacement: files appear under their name only when they are whole."""
 
+import errno
 import os
 import stat
 from collections.abc import Iterable, Iterator
@@ -37,10 +38,16 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def sync_directory(directory: Path) -> None:
-    """Without this a new name may be gone after a power cut, with all the synced data behind it. Raises OSError."""
+    """Without this a new name may be gone after a power cut, with all the synced data behind it. Raises OSError.
+
+    A file system that cannot sync a directory (some network shares) is left alone.
+    """
     entry = os.open(directory, os.O_RDONLY)
     try:
         os.fsync(entry)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
     finally:
         os.close(entry)
 

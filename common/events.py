@@ -93,6 +93,12 @@ EVENTS: Final[dict[str, EventKind]] = {
         "give the board's [spool] more room, or a card that is faster",
         side=STATION,
     ),
+    "starts-unlisted": EventKind(
+        "warning",
+        "the boat holds {starts} more starts of its daemon than it lists: their {count} frames are not fetched",
+        "look why the daemon starts so often (`journalctl -u wayfix-onboard`); `wayfix-onboard spool export` has them",
+        side=STATION,
+    ),
     "gaps-filled": EventKind("info", "no frame is missing any more ({count} received)", "nothing to do", side=STATION),
     "command-done": EventKind("info", "{command}, asked by {client}", "nothing to do"),
     "mark": EventKind("info", "mark: {text} (by {client})", "nothing to do"),

@@ -5,7 +5,7 @@ message has a second part with the frame's bytes, unchanged from board to log.
 
     client -> board   hello      {schema, link, client, session}
     board  -> client  connected  {schema, link, boat_id, boot_id, clock_id, start_no, next_seq, clock_rate, config,
-                                  versions, sensors, runs}
+                                  versions, sensors, runs, unlisted}
     client -> board   lease      all that the board has to know to serve the client from here on (`Lease`), renewed
                                  every 100 to 500 ms; a newer one replaces it
     board  -> client  alive      {echo_ns, rx_ns, tx_ns, next_seq, gone}   the answer to every lease
@@ -48,8 +48,10 @@ MIN_WINDOW: Final = 1_024
 MAX_WINDOW: Final = 2**20
 MAX_MISSING: Final = 64
 """Most ranges in one lease."""
-MAX_RUNS: Final = 100
-"""Most starts of the daemon that one greeting lists, the newest."""
+MAX_RUNS: Final = 1000
+"""Most starts of the daemon that one greeting lists, the newest; it counts the others."""
+MAX_CLOCK_RATE: Final = 1000.0
+"""Most boat seconds in a real second, of a virtual boat."""
 MAX_ARGUMENT: Final = 500
 """Most characters of a command's argument."""
 
@@ -143,6 +145,43 @@ def lease_of(message: dict[str, Any]) -> Lease:
         missing=tuple(frame_ranges(missing)),
         run=None if run is None else _run_of(run),
     )
+
+
+def check_greeting(message: dict[str, Any]) -> None:
+    """The fields of a `connected` message that a station relies on; raises CodecError that names the one at fault."""
+    for name in ("boot_id", "next_seq", "config", "runs"):
+        if name not in message:
+            raise CodecError(f"{name} is missing")
+    _hex(message, "boot_id")
+    _whole(message, "next_seq", 0, _INT_HIGH)
+    if not isinstance(message["config"], dict):
+        raise CodecError("config must be a map")
+    runs, sensors, unlisted = message["runs"], message.get("sensors", []), message.get("unlisted", [0, 0])
+    if not isinstance(runs, list) or not all(isinstance(run, list) and len(run) == 4 for run in runs):
+        raise CodecError("runs must be a list of [boot_id, start_no, first_seq, next_seq]")
+    for run in runs:
+        fields = dict(zip(("boot_id", "start_no", "first_seq", "next_seq"), run, strict=True))
+        _hex(fields, "boot_id")
+        for name in ("start_no", "first_seq", "next_seq"):
+            _whole(fields, name, 0, _INT_HIGH)
+    if not isinstance(sensors, list) or not all(isinstance(sensor, dict) for sensor in sensors):
+        raise CodecError("sensors must be a list of maps")
+    rate = message.get("clock_rate", 1.0)
+    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 < rate <= MAX_CLOCK_RATE:
+        raise CodecError(f"clock_rate must be a number up to {MAX_CLOCK_RATE:g}")
+    if not isinstance(unlisted, list) or len(unlisted) != 2:
+        raise CodecError("unlisted must be [starts, frames]")
+    for place in (0, 1):
+        _whole({"unlisted": unlisted[place]}, "unlisted", 0, _INT_HIGH)
+
+
+def check_end(message: dict[str, Any]) -> None:
+    """The fields of an `end` message; raises CodecError that names the one at fault."""
+    for name in ("sent", "next_seq"):
+        if message.get(name) is not None:
+            _whole(message, name, 0, _INT_HIGH)
+    if not isinstance(message.get("reason", ""), str):
+        raise CodecError("reason must be a text")
 
 
 def command_id(message: dict[str, Any]) -> int:

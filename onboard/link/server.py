@@ -196,8 +196,14 @@ class Server:
         self._greet(routing_id)
 
     def _greet(self, routing_id: bytes) -> None:
-        runs = [[run.boot_id, run.start_no, run.first_seq, run.next_seq] for run in self._store.runs()]
-        greeting = {"schema": SCHEMA_VERSION, "link": LINK_VERSION, "runs": runs[-session.MAX_RUNS :]}
+        held = self._store.runs()
+        unlisted, listed = held[: -session.MAX_RUNS], held[-session.MAX_RUNS :]
+        greeting = {
+            "schema": SCHEMA_VERSION,
+            "link": LINK_VERSION,
+            "runs": [[run.boot_id, run.start_no, run.first_seq, run.next_seq] for run in listed],
+            "unlisted": [len(unlisted), sum(run.next_seq - run.first_seq for run in unlisted)],
+        }
         self._reply(routing_id, "connected", **greeting, **self._connected())
 
     def _lease(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:

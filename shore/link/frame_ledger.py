@@ -15,8 +15,8 @@ from typing import Any, Final
 from common.link_messages import MAX_MISSING, FrameRange
 from common.seqset import SeqSet
 
-MAX_STARTS: Final = 200
-"""Most starts of the daemon that are remembered."""
+MAX_STARTS: Final = 2000
+"""Most starts of the daemon that are remembered. What the oldest beyond them lacks counts as lost."""
 MAX_LACKS: Final = 1000
 """Most ranges that a log says it lacks."""
 
@@ -45,13 +45,16 @@ class Ledger:
 
     def __init__(self, starts: Iterable[StartLedger] = ()) -> None:
         self._starts = {start.boot_id: start for start in starts}
+        self._forgotten = 0
+        """Number of frames that starts lacked which are not remembered any more."""
         self._running: str | None = None
         """The start that greeted last."""
 
-    def greet(self, boot_id: str, next_seq: int, runs: Iterable[tuple[str, int, int]]) -> None:
+    def greet(self, boot_id: str, next_seq: int, runs: Iterable[tuple[str, int, int]]) -> bool:
         """`connected` came: own start, its next frame, and (boot_id, first_seq, next_seq) of what the board holds.
 
-        Runs are in the order of the daemon's starts, the own one last.
+        Runs are in the order of the daemon's starts, the own one last. Returns whether older ones are wanted too: the
+        station knows starts of this board, and none of them is among these.
         """
         is_new_here = not self._starts
         order = [name for name, _, _ in runs if name in self._starts]
@@ -69,7 +72,9 @@ class Ledger:
         own = self._starts[boot_id]
         own.upto = max(own.upto, next_seq)
         while len(self._starts) > MAX_STARTS:
-            del self._starts[next(iter(self._starts))]
+            oldest = self._starts.pop(next(iter(self._starts)))
+            self._forgotten += len(oldest.gone) + sum(last - first + 1 for first, last in oldest.missing())
+        return known is None and not is_new_here
 
     def take(self, boot_id: str, first: int, last: int) -> bool:
         """A frame came (a merged one covers several); False when it was here before."""
@@ -164,7 +169,7 @@ class Ledger:
     @property
     def gone_count(self) -> int:
         """Number of frames that are lost for good."""
-        return sum(len(start.gone) for start in self._starts.values())
+        return self._forgotten + sum(len(start.gone) for start in self._starts.values())
 
     def all_missing(self) -> Iterator[FrameRange]:
         """Every missing range, oldest first."""

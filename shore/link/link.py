@@ -29,9 +29,6 @@ LOOK_S: Final = 0.05
 """Interval of the checks for a refusal or Ctrl-C, s, which end a greeting or a command early."""
 NO_BOOT: Final = "0"
 """The `boot_id` of a lease that the board answers with a greeting."""
-REQUIRED: Final = ("boot_id", "next_seq", "config", "runs")
-"""Fields of `connected` that a station cannot do without."""
-
 _ADDRESS = re.compile(r"(?:tcp://)?(?P<host>\[[0-9a-fA-F:.%\w]+\]|[\w.-]+)(?::(?P<port>\d{1,5}))?")
 
 
@@ -168,6 +165,7 @@ class Link:
         if kind == "alive":
             return self._alive(message)
         if kind == "end":
+            session.check_end(message)
             self._send("bye", session=self._session)  # a board that stops waits for it
             return Received(end=message)
         if kind == "connected":
@@ -201,9 +199,11 @@ class Link:
         fault = version_fault(message)
         if fault is not None:
             raise LinkError(fault, self.endpoint)
-        if missing := [name for name in REQUIRED if name not in message]:
+        try:
+            session.check_greeting(message)
+        except CodecError as error:
             cure = "install the same version on both sides"
-            raise LinkError(f"the greeting lacks {', '.join(missing)}", self.endpoint, cure)
+            raise LinkError(f"the greeting cannot be used: {error.what}", self.endpoint, cure) from error
         if self._boot_id != str(message["boot_id"]):
             self.offset = ClockOffset()
         self._boot_id = str(message["boot_id"])

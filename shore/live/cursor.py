@@ -2,25 +2,34 @@
 
 `<boat>.cursor` is written after the log is on the disk, so it never claims a frame that no log holds; what a killed
 station wrote after its last cursor is read from the log it names. A log that ends before that has lost what the cursor
-claims (a damaged card, an older copy): then the log alone says which frames are here.
+claims (a damaged card, an older copy): then the log alone says which frames are here. A cursor that is gone, or holds
+what cannot be, is made again of all the logs beside it.
 """
 
 import json
 import re
 from collections.abc import Callable
+from hashlib import blake2b
 from io import FileIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from common.atomic_file import whole_file
-from common.codec import decode_frame
-from common.errors import CodecError, WayfixError
+from common.errors import WayfixError
 from shore.link.frame_ledger import Ledger, StartLedger
+from shore.live.ledger_from_logs import ledger_from_logs, take_frames
 from shore.logbook.lock import is_being_written, lock
-from shore.logbook.log_reader import late_logs, read_log
-from shore.logbook.schemas import FRAMES
+from shore.logbook.log_reader import late_logs
 
 FORM: Final = 1
+MOST_SEQ: Final = 2**53
+"""Highest number of a frame."""
+
+
+def _stem_of(boat_id: str) -> str:
+    """Name of a boat's files; two boats whose ids differ in other letters only have two."""
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "_", boat_id)
+    return plain if plain == boat_id else f"{plain}-{blake2b(boat_id.encode(), digest_size=4).hexdigest()}"
 
 
 class Cursor:
@@ -28,7 +37,7 @@ class Cursor:
 
     def __init__(self, directory: Path, boat_id: str, say: Callable[[str], None]) -> None:
         """Raises WayfixError when another station writes logs of this boat here, or the directory cannot be written."""
-        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", boat_id)
+        stem = _stem_of(boat_id)
         self._path = directory / f"{stem}.cursor"
         self._boat_id = boat_id
         self._lock_path = directory / f".{stem}.cursor.lock"
@@ -76,55 +85,85 @@ class Cursor:
 
     def _load(self, say: Callable[[str], None]) -> Ledger:
         try:
-            record = json.loads(self._path.read_text(encoding="utf-8"))
-            ledger = _ledger_of(record)
-            log, since_ns = self._path.with_name(str(record["log"])), int(record["log_time_ns"])
+            checkpoint = _checkpoint_of(self._path.read_bytes(), self._boat_id)
         except FileNotFoundError:
+            return self._rebuilt(say) or Ledger()
+        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+            if (ledger := self._rebuilt(say)) is not None:
+                say(f"{self._path}: not readable ({_reason(error)}); the logs beside it say what is here")
+                return ledger
+            say(f"{self._path}: not readable ({_reason(error)}), no log is beside it: frames are asked for from now on")
             return Ledger()
-        except (OSError, ValueError, KeyError, TypeError):
-            say(f"{self._path}: not readable; the boat is taken for a new one, and frames are asked for from now on")
-            return Ledger()
-        logs = [(log, since_ns)] if log.exists() else []
+        ledger, log = checkpoint.ledger, self._path.with_name(checkpoint.log)
+        logs = [(log, checkpoint.log_time_ns)] if log.exists() else []
         # Late ones are of a station that was killed before it put them into the trip.
         for path, from_ns in (*logs, *((late, 0) for _, late in late_logs(self._path.parent))):
             try:
-                newest_ns = _add_newer(ledger, path, from_ns, self._boat_id)
+                newest_ns = take_frames(ledger, path, from_ns, self._boat_id)
                 if newest_ns < from_ns:
                     say(f"{path}: it has lost its end; the frames that were in it are asked for once more")
                     ledger.forget_trip(path.name)
-                    _add_newer(ledger, path, 0, self._boat_id)
+                    take_frames(ledger, path, 0, self._boat_id)
             except WayfixError as error:
                 say(f"frames that this log may hold are asked for once more: {error}")
                 ledger.forget_trip(path.name)
         return ledger
 
+    def _rebuilt(self, say: Callable[[str], None]) -> Ledger | None:
+        return ledger_from_logs(self._path.parent, self._boat_id, say)
 
-def _ledger_of(record: Any) -> Ledger:
-    if record["cursor"] != FORM:
-        raise ValueError("another form")
-    starts = []
-    for item in record["starts"]:
-        start = StartLedger(str(item["boot_id"]), int(item["first"]), int(item["upto"]))
-        for name, seqs in (("seen", start.seen), ("gone", start.gone)):
-            for first, last in item[name]:
-                seqs.add(int(first), int(last))
-        start.trips += [(int(first), str(name)) for first, name in item.get("trips", ())]
-        starts.append(start)
+
+class _Checkpoint(NamedTuple):
+    """What the file says."""
+
+    ledger: Ledger
+    log: str
+    log_time_ns: int
+
+
+def _checkpoint_of(content: bytes, boat_id: str) -> _Checkpoint:
+    """The content of the file, every value in its range. Raises ValueError, KeyError, TypeError and their kin."""
+    record = json.loads(content)
+    if not isinstance(record, dict) or record["cursor"] != FORM:
+        raise ValueError("it has another form")
+    if record["boat_id"] != boat_id:
+        raise ValueError("it is of another boat")
+    log = record["log"]
+    if not isinstance(log, str) or Path(log).name != log or not log.endswith(".mcap"):
+        raise ValueError("it names no log")
+    starts = [_start_of(item) for item in record["starts"]]
     if starts and not any(start.trips for start in starts):  # a cursor of an earlier Wayfix names the last trip alone
-        starts[-1].trips.append((starts[-1].first, str(record["log"])))
-    return Ledger(starts)
+        starts[-1].trips.append((starts[-1].first, log))
+    return _Checkpoint(Ledger(starts), log, _number(record["log_time_ns"], 2**63 - 1))
 
 
-def _add_newer(ledger: Ledger, log: Path, since_ns: int, boat_id: str) -> int:
-    """Take in the frames since a log time, ns. Returns the log time of the newest record of all, 0 = there is none."""
-    newest_ns = 0
-    for record in read_log(log).records():
-        newest_ns = max(newest_ns, record.log_time_ns)
-        if record.topic == FRAMES and record.log_time_ns >= since_ns:
-            try:
-                frame = decode_frame(record.data)
-            except CodecError:
-                continue
-            if frame.boat_id == boat_id:
-                ledger.take(frame.boot_id, frame.first, frame.seq)
-    return newest_ns
+def _start_of(item: Any) -> StartLedger:
+    boot_id, first, upto = item["boot_id"], _number(item["first"]), _number(item["upto"])
+    if not isinstance(boot_id, str) or first > upto:
+        raise ValueError("it names no start of a daemon")
+    start = StartLedger(boot_id, first, upto)
+    for name, seqs in (("seen", start.seen), ("gone", start.gone)):
+        for begin, last in item[name]:
+            if _number(begin) > _number(last):
+                raise ValueError("a range ends before it begins")
+            seqs.add(begin, last)
+    start.trips += [(_number(first), str(name)) for first, name in item.get("trips", ())]
+    return start
+
+
+def _number(value: Any, most: int = MOST_SEQ) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+        raise ValueError("a number in it is out of its range")
+    return value
+
+
+def _reason(error: Exception) -> str:
+    match error:
+        case OSError():
+            return str(error.strerror)
+        case json.JSONDecodeError() | UnicodeDecodeError() | RecursionError():
+            return "it is empty or damaged"
+        case KeyError() | TypeError():
+            return "it has another form"
+        case _:
+            return str(error)

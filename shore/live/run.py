@@ -197,10 +197,16 @@ class LiveRun:
         runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self._connected["runs"]]
         boot_id, next_seq = str(self._connected["boot_id"]), int(self._connected["next_seq"])
         self._starts.greeted(boots_named(self._connected["runs"]))
-        self._ledger.greet(boot_id, next_seq, runs)
+        self._wants_older = self._ledger.greet(boot_id, next_seq, runs)
         if self._trip is not None:
             self._ledger.begin_trip(boot_id, next_seq, self._trip)
         self._has_newest = False
+
+    def _tell_unlisted(self) -> None:
+        """Say what the greeting keeps quiet of, where that is wanted."""
+        starts, count = self._connected.get("unlisted") or (0, 0)
+        if self._wants_older and starts:
+            self._happened(event("starts-unlisted", self._t_ns, "link", starts=starts, count=count))
 
     def _wants(self) -> Wants:
         """What the link's next lease asks for."""
@@ -217,6 +223,7 @@ class LiveRun:
         self._begin_session()
         if (trip := self._options.trip) is not None:
             self._watchers.note(SESSION, trip, time.time_ns())
+        self._tell_unlisted()
         for sensor in self._connected.get("sensors", []):
             reason = f": {sensor['reason']}" if sensor.get("reason") else ""
             self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
@@ -285,6 +292,7 @@ class LiveRun:
             self._begin_session()
             self._happened(event("config-changed", self._t_ns, "link"))
         self._greet()
+        self._tell_unlisted()
 
     @property
     def _t_ns(self) -> int:

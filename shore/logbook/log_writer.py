@@ -274,10 +274,18 @@ def _stem(boat_id: str, utc_ns: int) -> str:
 
 
 def _new_file(directory: Path, stem: str) -> FileIO:
+    """A new file with its name durable; none is left where that fails. Raises OSError."""
     while True:
+        path = _free_name(directory, stem)
         with suppress(FileExistsError):
-            file = FileIO(_free_name(directory, stem), "xb")
-            sync_directory(directory)
+            file = FileIO(path, "xb")
+            try:
+                sync_directory(directory)
+            except OSError:
+                file.close()
+                with suppress(OSError):
+                    path.unlink()
+                raise
             return file
 
 

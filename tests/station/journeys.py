@@ -21,6 +21,9 @@ FILL = 20
 """Number of missing frames that are sent between two new ones."""
 
 
+MOST_RUNS = 1000
+
+
 class Board:
     """Makes frames on a steady clock, and keeps them all; `sensors` gives the measurements of a frame that is made."""
 
@@ -89,8 +92,10 @@ class SpoolLink:
         made, boot_id = self._board.made, self._board.boot_id
         self._greeted = boot_id
         runs = [[name, self._board.numbers[name], 0, len(frames)] for name, frames in made.items()]
+        unlisted = runs[:-MOST_RUNS]
         config = without_none(asdict(BOAT))
-        return {"boot_id": boot_id, "next_seq": len(made[boot_id]), "config": config, "runs": runs}
+        return {"boot_id": boot_id, "next_seq": len(made[boot_id]), "config": config, "runs": runs[-MOST_RUNS:],
+                "unlisted": [len(unlisted), sum(run[3] for run in unlisted)]}  # fmt: skip
 
     def receive(self, timeout_s: float) -> Received | None:
         if self._greeted != self._board.boot_id:
