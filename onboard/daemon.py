@@ -11,7 +11,7 @@ from typing import Any, Final
 import zmq
 
 from common.boat_config import BoatConfig
-from common.clock import BoatClock, machine_clock_id
+from common.clock import BoatClock, boottime_ns, machine_clock_id
 from common.events import line_of
 from common.framer import Identity
 from common.messages import Event, Frame
@@ -25,6 +25,7 @@ from onboard.control.socket import Control, has_terminal
 from onboard.journal import Journal
 from onboard.link.access import Access
 from onboard.link.allow_list import AllowList
+from onboard.link.client_leases import Pace
 from onboard.link.pairing_port import PairingPort
 from onboard.link.router import Router
 from onboard.link.server import Limits, Server
@@ -40,6 +41,9 @@ DRAIN_S: Final = 0.5
 GOODBYE_S: Final = 1.0
 """Time that clients have to say goodbye, s; with the other waits of the end less than TimeoutStopSec= of the
 service."""
+CUTS_AT_ONCE: Final = 3
+CUTS_PER_S: Final = 0.05
+"""Rate limit of what is said of cut connections, and of faults of the loop, a second: a flood fills no journal."""
 STATE_LOOK_S: Final = 1.0
 """Interval at which the daemon looks whether its state directory is still there, s."""
 CATCH_UP_NS: Final = 60 * NS_PER_S
@@ -85,11 +89,15 @@ class Daemon:
         self.spool = Spool(spool_dir, identity, config.spool, self._journal, about=about)
         reopen = {sensor: port.reopen for port in self.ports for sensor in port.chain.monitors}
         recent = {sensor: chain.recent.since for chain in self.acquisition.chains for sensor in chain.monitors}
+        self._cuts = 0
+        """Number of connections that were cut and not said."""
+        self._cut_pace = Pace(CUTS_AT_ONCE, CUTS_PER_S)
+        self._fault_pace = Pace(CUTS_AT_ONCE, CUTS_PER_S)
         self._commands = Commands(self._status, reopen, recent, self._journal)
         self._context = zmq.Context()
         self._access = Access(self._context, allow_list, self._journal)
         self.server = Server(
-            Router(self._context, self._access.secret_key),
+            Router(self._context, self._access.secret_key, self._cut),
             self.spool,
             connected=self._connected,
             frame_period_ns=self.period_ns,
@@ -120,6 +128,7 @@ class Daemon:
         requests = {**self._commands.handlers(), **(self._keys.handlers() if self._keys is not None else {})}
         control = Control(self._runtime_dir, requests, self._journal)
         loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._loop_fault)
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         loop.add_signal_handler(signal.SIGHUP, self._hung_up)
@@ -155,6 +164,12 @@ class Daemon:
         await control.tried.wait()
         for polled in self.ports:
             await polled.port.tried.wait()
+
+    def _loop_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """A fault that nobody waits for (no more descriptors): one line, and not for each time."""
+        if self._fault_pace.allows(boottime_ns()):
+            error = context.get("exception")
+            log.error("%s: %s", context.get("message"), error, exc_info=None if isinstance(error, OSError) else error)
 
     def _ready(self, endpoint: str) -> dict[str, Any]:
         identity, key = self.acquisition.identity, self._access.public_key
@@ -261,6 +276,13 @@ class Daemon:
 
     async def _asked_by_link(self, name: str, argument: str, key: str) -> str:
         return await self._commands.from_link(name, argument, self._access.name_of(key))
+
+    def _cut(self, address: str, reason: str) -> None:
+        """A connection was cut: said at once, and of a flood a line in 20 s."""
+        self._cuts += 1
+        if self._cut_pace.allows(boottime_ns()):
+            self._journal.child("link").tell("peer-cut", address=address, reason=reason, count=self._cuts)
+            self._cuts = 0
 
     def _connected(self) -> dict[str, Any]:
         return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)

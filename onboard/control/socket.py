@@ -29,6 +29,7 @@ NAME: Final = "control.sock"
 REQUEST_BYTES: Final = 4_096
 ANSWER_BYTES: Final = 2**20
 MAX_CONNECTIONS: Final = 16
+"""Most connections that ask nothing; for one more the oldest of them goes."""
 IDLE_S: Final = 30.0
 """Time-out of an idle connection, s: one that asks nothing for this long is closed."""
 GONE_S: Final = 0.5
@@ -61,6 +62,8 @@ class Control:
         self._handlers = handlers
         self._journal = journal
         self._connections: set[asyncio.Task[None]] = set()
+        self._idle: dict[asyncio.Task[None], None] = {}
+        """Those that ask nothing now, the longest first."""
         self.tried = asyncio.Event()
         """Set once the socket answers, or cannot be made."""
 
@@ -93,18 +96,26 @@ class Control:
         task = asyncio.current_task()
         assert task is not None
         try:
-            if len(self._connections) >= MAX_CONNECTIONS or not _permitted(writer):
+            if not _permitted(writer):
                 return
+            if len(self._idle) >= MAX_CONNECTIONS:
+                oldest = next(iter(self._idle))
+                del self._idle[oldest]
+                oldest.cancel()
             self._connections.add(task)
+            self._idle[task] = None
             while line := await asyncio.wait_for(reader.readline(), IDLE_S):
+                self._idle.pop(task, None)
                 await _send(writer, await self._answer(line, writer))
+                self._idle[task] = None
         except ValueError:  # readline: longer than the limit
             with suppress(OSError):
                 await _send(writer, _refusal(WayfixError(f"a request has at most {REQUEST_BYTES} bytes", NAME)))
-        except OSError:  # TimeoutError too
+        except (OSError, asyncio.CancelledError):  # TimeoutError too; nobody waits for this task
             return
         finally:
             self._connections.discard(task)
+            self._idle.pop(task, None)
             writer.close()
 
     async def _answer(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:

@@ -7,6 +7,7 @@ port chunk -> lines -> devices -> framer --tick--> frame
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -24,8 +25,9 @@ from onboard.reading.sensor_health import SensorMonitor
 from onboard.reading.utc_clock import ClockMap
 
 
+@cache
 def versions() -> dict[str, str]:
-    """Versions of what decides the result; goes into `connected` and the log."""
+    """Versions of what decides the result; goes into `connected` and the log. They lie in files, and are read once."""
     found = {}
     for name in ("wayfix", "pyserial", "pynmea2", "pyzmq", "msgpack"):
         with suppress(PackageNotFoundError):
@@ -69,6 +71,7 @@ class Acquisition:
             for table in config.port
         ]
         self._tell = tell
+        self._config_fields = as_dict(config)
 
     def take(self, measurement: Measurement, now_ns: int) -> None:
         """A measurement of any driver goes into the frame; clock pairs whose date can be also move the UTC mapping."""
@@ -109,7 +112,7 @@ class Acquisition:
             "start_no": identity.start_no,
             "next_seq": self.framer.next_seq,
             "clock_rate": clock_rate,
-            "config": as_dict(self.config),
+            "config": self._config_fields,
             "versions": versions(),
             "sensors": [{"id": sensor, "state": state, "reason": reason} for sensor, state, reason in states],
         }
