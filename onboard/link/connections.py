@@ -77,7 +77,7 @@ class Connections:
         self._cut = cut
         self._monitor = listening.get_monitor_socket(_EVENTS)
         self._connections: dict[int, Connection] = {}
-        """Connections that are open, by descriptor. A descriptor belongs to libzmq: it is asked, and never closed here."""
+        """Connections that are open, by descriptor. That belongs to libzmq: it is asked, and never closed here."""
 
     def of(self, descriptor: int, now_ns: int) -> Connection | None:
         """The connection over which a message came; it has spoken now."""

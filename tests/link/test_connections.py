@@ -8,15 +8,20 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
+import zmq
 
 from common.clock import boottime_ns
 from common.codec import decode_frame
+from common.keys import new_keys
 from common.units import NS_PER_S
+from onboard.link.allow_list import READ, AllowList
+from onboard.link.authenticator import Zap
 from onboard.link.connections import BYTES_AT_ONCE, MESSAGES_AT_ONCE, MOST_SILENT, Connection
+from onboard.link.router import Router
 from shore.link.link import Link
 from tests.link.bench import Bench, on_bench
 from tests.link.floods import LEASE, PART, Flood, connected, crowd, message, until_cut
@@ -90,6 +95,60 @@ def test_of_a_crowd_that_says_nothing_few_stay() -> None:
         assert len(await honest.frames(1)) == 1
 
     on_bench(run)
+
+
+def test_the_connection_of_a_removed_key_is_cut_and_the_others_come_back(tmp_path: Path) -> None:
+    allowed, keys = AllowList(tmp_path), {name: new_keys() for name in ("laptop", "bridge")}
+    for name, pair in keys.items():
+        allowed.add(pair.public.decode(), name, READ)
+
+    async def run() -> None:
+        context, heard = zmq.Context(), set[str | None]()
+        zap = Zap(context, allowed)
+        answering = asyncio.create_task(zap.run())
+        router = Router(context, allowed.secret_key)
+        endpoint = router.bind("tcp://127.0.0.1:*")
+        router.start(lambda _id, key, _parts: heard.add(key))
+        outside = zmq.Context()
+        clients = []
+        for pair in keys.values():
+            client = outside.socket(zmq.DEALER)
+            client.setsockopt(zmq.LINGER, 0)
+            client.setsockopt(zmq.CURVE_SERVERKEY, allowed.public_key)
+            client.setsockopt(zmq.CURVE_PUBLICKEY, pair.public)
+            client.setsockopt(zmq.CURVE_SECRETKEY, pair.secret)
+            client.connect(endpoint)
+            clients.append(client)
+
+        async def hears(*names: str) -> bool:
+            heard.clear()
+            for _ in range(100):
+                for client in clients:
+                    with suppress(zmq.Again):
+                        client.send(b"hello", zmq.NOBLOCK)
+                await asyncio.sleep(0.05)
+                if heard >= {keys[name].public.decode() for name in names}:
+                    return True
+            return False
+
+        try:
+            assert await hears("laptop", "bridge")
+            allowed.remove("laptop")
+            router.cut_unless(lambda key: allowed.rights_of(key) is not None)
+            await asyncio.sleep(0.1)
+            assert await hears("bridge")
+            assert keys["laptop"].public.decode() not in heard
+        finally:
+            for client in clients:
+                client.close()
+            router.close()
+            answering.cancel()
+            await asyncio.gather(answering, return_exceptions=True)
+            zap.close()
+            outside.term()
+            context.term()
+
+    asyncio.run(run())
 
 
 class Board:
