@@ -35,6 +35,9 @@ MESSAGES_PER_S: Final = 40.0
 """Messages of a connection that are read, a second; others are thrown away unread."""
 MOST_SILENT: Final = 64
 """Most connections that have not brought a message; beyond it the oldest of them is cut."""
+SPEAKS_BYTES: Final = 1024
+"""Bytes by which a connection has spoken, too: more than a handshake, which libzmq ends after 4 s. Of an encrypted
+message libzmq does not say over which connection it came."""
 SILENT_S: Final = 10.0
 """Longest time until a connection brings its first message, s: a handshake over a far radio takes seven round trips."""
 _EVENTS: Final = zmq.EVENT_ACCEPTED | zmq.EVENT_DISCONNECTED | zmq.EVENT_CLOSED
@@ -53,7 +56,7 @@ class Connection:
     address: str
     accepted_ns: int
     has_spoken: bool = False
-    """True once a whole message came over it."""
+    """True once a whole message came over it, or more bytes than a handshake has."""
     pace: Pace = field(default_factory=lambda: Pace(MESSAGES_AT_ONCE, MESSAGES_PER_S))
     received_bytes: int = 0
     budget_bytes: float = BYTES_AT_ONCE
@@ -65,6 +68,7 @@ class Connection:
         self.budget_bytes = min(BYTES_AT_ONCE, self.budget_bytes + elapsed_s * BYTES_PER_S)
         self.budget_bytes -= received_bytes - self.received_bytes
         self.received_bytes, self.looked_ns = received_bytes, now_ns
+        self.has_spoken = self.has_spoken or received_bytes >= SPEAKS_BYTES
         return self.budget_bytes >= 0.0
 
 

@@ -42,6 +42,14 @@ def test_a_budget_is_so_much_at_once_and_then_so_much_a_second() -> None:
     assert all(station.is_within(26_000 * second, second * NS_PER_S) for second in range(1, 1000))
 
 
+def test_an_encrypted_station_is_not_taken_for_silent() -> None:
+    """libzmq does not name the connection of its messages: the bytes of its leases are enough."""
+    station, stranger = Connection("a:1", 0), Connection("b:1", 0)
+    assert station.is_within(2_000, NS_PER_S)
+    assert stranger.is_within(600, NS_PER_S)
+    assert (station.has_spoken, stranger.has_spoken) == (True, False)
+
+
 def test_a_message_of_endless_parts_is_cut_and_the_others_go_on() -> None:
     async def run(bench: Bench) -> None:
         honest = await bench.joined()
