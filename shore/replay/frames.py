@@ -76,6 +76,11 @@ class Frames:
         self._span = span or Span()
         self._injection = Injection(inject, self.start.config) if inject else None
 
+    @property
+    def injected(self) -> dict[str, int]:
+        """Number of readings that each injected fault has changed so far, by its sentence."""
+        return {} if self._injection is None else self._injection.counts
+
     def __iter__(self) -> Iterator[Arrival]:
         return (item for item in self.read() if isinstance(item, Arrival))
 
