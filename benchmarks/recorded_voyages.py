@@ -5,7 +5,6 @@ velocity, without IMU, with a fault) share it. The place and velocity of the tru
 parabola fitted to its neighbours: 5 epochs at 5 Hz (+-0.4 s), 21 at 20 Hz (+-0.5 s).
 """
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -19,6 +18,7 @@ from benchmarks.recorded_boats import ferry_track, nmea_track
 from common.boat_config import BoatConfig, BoatTable, PortTable, SensorTable
 from common.geodesy import LocalPlane
 from common.simulation.column_recording import recording_voyages
+from common.simulation.faults import with_faults
 from common.simulation.motion import Truth
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Timed
 from common.simulation.voyage import Voyage
@@ -76,40 +76,21 @@ def without_imu(voyage: Voyage) -> Voyage:
     return replace(voyage, config=replace(voyage.config, sensor=sensors), readings=readings)
 
 
-def _upside_down(sample: ImuReading) -> ImuReading:
-    return replace(
-        sample,
-        accel_stb_m_s2=-sample.accel_stb_m_s2,
-        accel_down_m_s2=-sample.accel_down_m_s2,
-        yaw_rate_deg_s=-sample.yaw_rate_deg_s,
-    )
-
-
-_CHANGES: Final[dict[str, Callable[[ImuReading], ImuReading]]] = {
-    "sign": lambda sample: replace(sample, yaw_rate_deg_s=-sample.yaw_rate_deg_s),
-    "zeros": lambda _: ImuReading(0.0, 0.0, 0.0, accel_down_m_s2=0.0),
-    "upside-down": _upside_down,
-    "turned-90": lambda sample: replace(
-        sample, accel_fwd_m_s2=sample.accel_stb_m_s2, accel_stb_m_s2=-sample.accel_fwd_m_s2
-    ),
-    "rad-per-s": lambda sample: replace(sample, yaw_rate_deg_s=float(np.radians(sample.yaw_rate_deg_s))),
+_SENTENCES: Final = {
+    "sign": "imu1 sign at 0 s",
+    "stuck": "imu1 stuck at {stuck_s:g} s",
+    "zeros": "imu1 zero at 0 s",
+    "upside-down": "imu1 upside-down at 0 s",
+    "turned-90": "imu1 turned 90 deg at 0 s",
+    "rad-per-s": "imu1 unit at 0 s",
 }
-FAULTS: Final = ("sign", "stuck", "zeros", "upside-down", "turned-90", "rad-per-s")
+FAULTS: Final = tuple(_SENTENCES)
 """Faults of an inertial unit, from the start but for `stuck`."""
 
 
 def with_fault(voyage: Voyage, fault: str) -> Voyage:
     """The voyage with a fault of `FAULTS` in its inertial unit."""
-    if fault == "stuck":
-        return replace(voyage, readings=tuple(_stuck(voyage.readings, STUCK_FROM * voyage.seconds)))
-    change = _CHANGES[fault]
-    return replace(
-        voyage,
-        readings=tuple(
-            replace(timed, reading=change(timed.reading)) if isinstance(timed.reading, ImuReading) else timed
-            for timed in voyage.readings
-        ),
-    )
+    return with_faults(voyage, [_SENTENCES[fault].format(stuck_s=STUCK_FROM * voyage.seconds)])
 
 
 def first_turn_s(truth: Truth, turn_deg: float = 20.0, within_s: float = 30.0) -> float | None:
@@ -119,16 +100,6 @@ def first_turn_s(truth: Truth, turn_deg: float = 20.0, within_s: float = 30.0) -
         if np.degrees(np.ptp(window)) >= turn_deg:
             return float(t_s)
     return None
-
-
-def _stuck(readings: Sequence[Timed], from_s: float) -> Iterator[Timed]:
-    held: ImuReading | None = None
-    for timed in readings:
-        if isinstance(timed.reading, ImuReading) and timed.t_s >= from_s:
-            held = held or timed.reading
-            yield replace(timed, reading=held)
-        else:
-            yield timed
 
 
 @cache

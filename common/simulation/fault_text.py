@@ -35,8 +35,10 @@ QUANTITIES: Final = {
     "imu": (TURN_RATE, ACCELERATION),
 }
 """Quantities of a reading by the role of its sensor."""
-TIMES: Final = {"s": ""}
-PLAIN: Final = {"": ""}
+SECONDS: Final = {"s": ""}
+"""The size is a time, and changes no single quantity."""
+NUMBER: Final = {"": ""}
+"""The size is a bare number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,7 @@ class Kind:
     roles: tuple[str, ...] = tuple(QUANTITIES)
     units: dict[str, str] | None = None
     """Unit of the size -> quantity; `None` = no size is given."""
-    takes_times: bool = False
+    takes_factor: bool = False
     """Whether the size may be a factor instead: `x10`."""
 
 
@@ -57,19 +59,19 @@ KINDS: Final = {
     "ramp": Kind("off by SIZE more each second; a receiver's velocity stays true", units=SLOPES),
     "carry-off": Kind("the place drifts by SIZE each second, and the velocity says so", ("gps",), {"m/s": PLACE}),
     "noise": Kind(
-        "more noise: `x10` of the 1-sigma in the boat's file, or SIZE (1-sigma) on top", units=SIZES, takes_times=True
+        "more noise: `x10` of the 1-sigma in the boat's file, or SIZE (1-sigma) on top", units=SIZES, takes_factor=True
     ),
     "stuck": Kind("the last reading again and again"),
-    "repeat": Kind("each reading SIZE times: a value that is older than it says", units=PLAIN),
+    "repeat": Kind("each reading SIZE times: a value that is older than it says", units=NUMBER),
     "zero": Kind("all numbers are 0"),
     "dropout": Kind("no readings"),
-    "delay": Kind("the values of SIZE seconds ago", units=TIMES),
-    "clock": Kind("the receiver's UTC is SIZE seconds ahead", ("gps",), TIMES),
-    "claim": Kind("fix quality SIZE as in GGA, whatever the fix is worth", ("gps",), PLAIN),
+    "delay": Kind("the values of SIZE seconds ago", units=SECONDS),
+    "clock": Kind("the receiver's UTC is SIZE seconds ahead", ("gps",), SECONDS),
+    "claim": Kind("fix quality SIZE as in GGA, whatever the fix is worth", ("gps",), NUMBER),
     "sign": Kind("the other sign: yaw rate, or heading anticlockwise", ("imu", "gyro", "compass")),
     "unit": Kind("radians for degrees; of a receiver m/s for knots"),
-    "turned": Kind("mounted SIZE deg clockwise of the bow", ("imu",), {"deg": ""}),
-    "upside-down": Kind("mounted upside down, the bow's side to the bow", ("imu",)),
+    "turned": Kind("its forward axis points SIZE deg to starboard of the bow", ("imu",), {"deg": ""}),
+    "upside-down": Kind("it lies on its back, its forward axis to the bow", ("imu",)),
 }
 
 
@@ -157,11 +159,11 @@ def _check_size(fault: SensorFault, role: str, is_given: bool, where: str) -> No
             raise WayfixError(f"{fault.kind} takes no size", where, f"write `{fault.sensor} {fault.kind} at T s`")
         return
     fitting = [unit for unit, quantity in kind.units.items() if quantity in (*QUANTITIES[role], "")]
-    if not is_given or (fault.unit not in fitting and not (fault.is_factor and kind.takes_times)):
+    if not is_given or (fault.unit not in fitting and not (fault.is_factor and kind.takes_factor)):
         units = ", ".join(f"a number of {unit}" if unit else "a number" for unit in fitting)
-        factor = ", or a factor as in x10" if kind.takes_times else ""
+        factor = ", or a factor as in x10" if kind.takes_factor else ""
         raise WayfixError(f"{fault.kind} of a {role} needs {units}{factor}", where, f"for example {EXAMPLE!r}")
-    if fault.is_factor and (not kind.takes_times or fault.size < 1.0 or fault.unit):
+    if fault.is_factor and (not kind.takes_factor or fault.size < 1.0 or fault.unit):
         raise WayfixError(
             f"x{fault.size:g} does not fit {fault.kind}", where, "give noise a factor of 1 or more, as x10"
         )

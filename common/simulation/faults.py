@@ -1,20 +1,21 @@
 """Fault injection: what a broken, wrongly mounted or disturbed sensor gives instead of its readings.
 
-A fault is a function from reading to reading that keeps what it must remember. It knows neither truth nor filter, so
-the same sentence (`fault_text.py`) spoils the readings of a virtual boat and those of a log.
+A fault is a function from reading to reading; some remember, or draw noise. It knows neither truth nor filter, so the
+same sentence (`fault_text.py`) spoils the readings of a virtual boat and those of a log.
 """
 
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from operator import attrgetter
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from common.angles import wrap_deg
 from common.boat_config import ROLES, BoatConfig, SensorTable
+from common.errors import WayfixError
 from common.geodesy import LocalPlane
 from common.simulation.fault_text import ACCELERATION, HEADING, PLACE, TURN_RATE, VELOCITY, SensorFault, fault_of
 from common.simulation.readings import FixReading, HeadingReading, ImuReading, Reading, Timed, TurnRateReading
@@ -22,9 +23,11 @@ from common.simulation.voyage import Voyage
 from common.units import M_S_PER_KN
 
 Change = Callable[[Timed], Timed | None]
-"""What becomes of a reading while the fault lasts; `None` = nothing comes. Called for every reading of the sensor, in
-order of time, also before and after."""
+"""What becomes of a reading; `None` = nothing comes. It is called for every reading of the sensor, in order of time,
+also before and after the fault."""
 
+NOTHING_CHANGED: Final = "look at its time, and whether the sensor gives what it is about (a receiver its velocity)"
+"""Cure where a fault finds no reading that it changes."""
 KNOWN_NOISE_M_S: Final = 0.1
 """1-sigma on an axis of a receiver's velocity, m/s, for `noise xN`: the boat's file does not state it."""
 
@@ -35,16 +38,18 @@ class Faults:
     def __init__(self, faults: Sequence[SensorFault], sensors: Iterable[SensorTable], seed: int = 1) -> None:
         """seed: of the noise that faults add."""
         tables = {sensor.id: sensor for sensor in sensors}
-        self._changes: dict[str, list[Change]] = {}
+        self._changes: dict[str, list[tuple[int, Change]]] = {}
         for index, fault in enumerate(faults):
-            rng = np.random.default_rng((seed, index))
-            change = _MAKERS[fault.kind](fault, tables[fault.sensor], rng)
-            self._changes.setdefault(fault.sensor, []).append(change)
+            change = _change_of(fault, tables[fault.sensor], np.random.default_rng((seed, index)))
+            self._changes.setdefault(fault.sensor, []).append((index, change))
+        self.counts = [0] * len(faults)
+        """Number of readings that each fault has changed."""
 
     def spoil(self, timed: Timed) -> Timed | None:
         """What the sensor gives instead; faults of one sensor apply in the order in which they were named."""
-        for change in self._changes.get(timed.sensor, ()):
+        for index, change in self._changes.get(timed.sensor, ()):
             spoilt = change(timed)
+            self.counts[index] += spoilt != timed
             if spoilt is None:
                 return None
             timed = spoilt
@@ -58,12 +63,15 @@ def faults_of(texts: Sequence[str], config: BoatConfig, where: str = "--inject")
 
 
 def with_faults(voyage: Voyage, texts: Sequence[str], seed: int = 1, where: str = "--inject") -> Voyage:
-    """The voyage with faults in its readings."""
+    """The voyage with faults in its readings. Raises WayfixError for one that does not fit, or that changes nothing."""
     if not texts:
         return voyage
     faults = Faults(faults_of(texts, voyage.config, where), voyage.config.sensor, seed)
-    spoilt = [timed for each in voyage.readings if (timed := faults.spoil(each)) is not None]
-    return replace(voyage, readings=tuple(sorted(spoilt, key=attrgetter("t_s"))))
+    spoilt = tuple(timed for each in voyage.readings if (timed := faults.spoil(each)) is not None)
+    for text, count in zip(texts, faults.counts, strict=True):
+        if not count:
+            raise WayfixError(f"{text!r} changes nothing", where, NOTHING_CHANGED)
+    return replace(voyage, readings=spoilt)
 
 
 def shifted(reading: Reading, quantity: str, amount: float, toward_deg: float) -> Reading:
@@ -95,8 +103,25 @@ def _moved(fix: FixReading, east_m: float, north_m: float) -> FixReading:
     return fix if math.isnan(lat_deg) else replace(fix, lat_deg=lat_deg, lon_deg=lon_deg)
 
 
+def _change_of(fault: SensorFault, table: SensorTable, rng: np.random.Generator) -> Change:
+    """The change of one fault: those that remember hear every reading, the others those that it covers."""
+    match fault.kind:
+        case "stuck":
+            return _stuck(fault)
+        case "delay":
+            return _delay(fault)
+        case "spike":
+            return _while(fault, _spike(fault))
+        case "repeat":
+            return _while(fault, _repeat(fault))
+        case "noise":
+            return _while(fault, _noise(fault, table, rng))
+        case kind:
+            return _while(fault, partial(_ALIKE[kind], fault))
+
+
 def _while(fault: SensorFault, change: Callable[[Timed], Reading | None]) -> Change:
-    """A change that remembers nothing, while the fault lasts."""
+    """The change while the fault lasts."""
 
     def apply(timed: Timed) -> Timed | None:
         if not fault.covers(timed.t_s):
@@ -107,83 +132,42 @@ def _while(fault: SensorFault, change: Callable[[Timed], Reading | None]) -> Cha
     return apply
 
 
-def _spike(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    done = False
+def _spike(fault: SensorFault) -> Callable[[Timed], Reading]:
+    is_done = False
 
     def change(timed: Timed) -> Reading:
-        nonlocal done
-        if done:
-            return timed.reading
-        done = True
-        return shifted(timed.reading, fault.quantity, fault.size, fault.toward_deg)
+        nonlocal is_done
+        reading = timed.reading if is_done else _step(fault, timed)
+        is_done = True
+        return reading
 
-    return _while(fault, change)
-
-
-def _step(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    return _while(fault, lambda timed: shifted(timed.reading, fault.quantity, fault.size, fault.toward_deg))
+    return change
 
 
-def _ramp(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    def change(timed: Timed) -> Reading:
-        amount = fault.size * (timed.t_s - fault.from_s)
-        return shifted(timed.reading, fault.quantity, amount, fault.toward_deg)
-
-    return _while(fault, change)
-
-
-def _carry_off(fault: SensorFault, table: SensorTable, rng: np.random.Generator) -> Change:
-    """The place as with a ramp, and the velocity that belongs to it."""
-    ramp = _ramp(fault, table, rng)
-
-    def apply(timed: Timed) -> Timed | None:
-        drifted = ramp(timed)
-        if drifted is None or not fault.covers(timed.t_s):
-            return drifted
-        return replace(drifted, reading=shifted(drifted.reading, VELOCITY, fault.size, fault.toward_deg))
-
-    return apply
-
-
-def _noise(fault: SensorFault, table: SensorTable, rng: np.random.Generator) -> Change:
-    beyond = math.sqrt(max(fault.size**2 - 1.0, 0.0))
-    stated = _stated_noise(table)
+def _repeat(fault: SensorFault) -> Callable[[Timed], Reading]:
+    kept: Reading | None = None
+    given = 0
 
     def change(timed: Timed) -> Reading:
-        if not fault.is_factor:
-            return _noisy(timed.reading, {fault.quantity: fault.size}, rng)
-        return _noisy(timed.reading, {quantity: beyond * sigma for quantity, sigma in stated.items()}, rng)
+        nonlocal kept, given
+        if kept is None or given >= fault.size:
+            kept, given = timed.reading, 0
+        given += 1
+        return kept
 
-    return _while(fault, change)
-
-
-def _stated_noise(table: SensorTable) -> dict[str, float]:
-    """1-sigma of each quantity of one reading, as the boat's file states it (m, m/s, deg, deg/s, m/s^2)."""
-    rate_hz = table.rate_hz or ROLES[table.role].nominal_rate_hz
-    per_sample = math.sqrt(rate_hz)
-    return {
-        PLACE: table.sigma_m,
-        VELOCITY: KNOWN_NOISE_M_S,
-        HEADING: table.sigma_deg,
-        TURN_RATE: table.gyro_density_deg * per_sample,
-        ACCELERATION: table.accel_density * per_sample,
-    }
+    return change
 
 
-def _noisy(reading: Reading, sigmas: dict[str, float], rng: np.random.Generator) -> Reading:
-    """Gaussian noise on each quantity; on both axes of a place, a velocity and an acceleration."""
-    for quantity, sigma in sigmas.items():
-        if quantity in (PLACE, VELOCITY):
-            reading = shifted(reading, quantity, sigma * rng.standard_normal(), 0.0)
-            reading = shifted(reading, quantity, sigma * rng.standard_normal(), 90.0)
-        else:
-            reading = shifted(reading, quantity, sigma * rng.standard_normal(), 0.0)
-        if quantity == ACCELERATION and isinstance(reading, ImuReading):
-            reading = replace(reading, accel_stb_m_s2=reading.accel_stb_m_s2 + sigma * rng.standard_normal())
-    return reading
+def _noise(fault: SensorFault, table: SensorTable, rng: np.random.Generator) -> Callable[[Timed], Reading]:
+    if fault.is_factor:
+        beyond = math.sqrt(fault.size**2 - 1.0)
+        sigmas = {quantity: beyond * sigma for quantity, sigma in _stated_noise(table).items()}
+    else:
+        sigmas = {fault.quantity: fault.size}
+    return lambda timed: _noisy(timed.reading, sigmas, rng)
 
 
-def _stuck(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
+def _stuck(fault: SensorFault) -> Change:
     """What was given last before the fault; the first reading of the fault where it begins with the voyage."""
     last: Reading | None = None
 
@@ -196,21 +180,7 @@ def _stuck(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -
     return apply
 
 
-def _repeat(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    kept: Reading | None = None
-    given = 0
-
-    def change(timed: Timed) -> Reading:
-        nonlocal kept, given
-        if kept is None or given >= fault.size:
-            kept, given = timed.reading, 0
-        given += 1
-        return kept
-
-    return _while(fault, change)
-
-
-def _delay(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
+def _delay(fault: SensorFault) -> Change:
     """The newest value that is old enough. A receiver's own UTC stays that of the value."""
     past: deque[Timed] = deque()
 
@@ -231,120 +201,130 @@ def _delay(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -
     return apply
 
 
-def _zero(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    def change(timed: Timed) -> Reading:
-        match timed.reading:
-            case FixReading() as fix:
-                still = None if fix.v_east_m_s is None else 0.0
-                return replace(fix, lat_deg=0.0, lon_deg=0.0, v_east_m_s=still, v_north_m_s=still)
-            case HeadingReading() as heading:
-                return replace(heading, heading_true_deg=0.0)
-            case ImuReading() as sample:
-                return ImuReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, sample.roll_deg, sample.pitch_deg)
-            case TurnRateReading():
-                return TurnRateReading(0.0)
-            case other:
-                return other
-
-    return _while(fault, change)
+def _stated_noise(table: SensorTable) -> dict[str, float]:
+    """1-sigma of each quantity of one reading, as the boat's file states it (m, m/s, deg, deg/s, m/s^2)."""
+    per_sample = math.sqrt(table.rate_hz or ROLES[table.role].nominal_rate_hz)
+    return {
+        PLACE: table.sigma_m,
+        VELOCITY: KNOWN_NOISE_M_S,
+        HEADING: table.sigma_deg,
+        TURN_RATE: table.gyro_density_deg * per_sample,
+        ACCELERATION: table.accel_density * per_sample,
+    }
 
 
-def _sign(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    def change(timed: Timed) -> Reading:
-        match timed.reading:
-            case HeadingReading() as heading:
-                return replace(heading, heading_true_deg=wrap_deg(-heading.heading_true_deg))
-            case ImuReading() as sample:
-                return replace(sample, yaw_rate_deg_s=-sample.yaw_rate_deg_s)
-            case TurnRateReading() as rate:
-                return TurnRateReading(-rate.rate_deg_s)
-            case other:
-                return other
-
-    return _while(fault, change)
+def _noisy(reading: Reading, sigmas: dict[str, float], rng: np.random.Generator) -> Reading:
+    """Gaussian noise on each quantity; on both axes of a place, a velocity and an acceleration."""
+    for quantity, sigma in sigmas.items():
+        reading = shifted(reading, quantity, sigma * rng.standard_normal(), 0.0)
+        if quantity in (PLACE, VELOCITY):
+            reading = shifted(reading, quantity, sigma * rng.standard_normal(), 90.0)
+        elif quantity == ACCELERATION and isinstance(reading, ImuReading):
+            reading = replace(reading, accel_stb_m_s2=reading.accel_stb_m_s2 + sigma * rng.standard_normal())
+    return reading
 
 
-def _unit(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    def change(timed: Timed) -> Reading:
-        match timed.reading:
-            case HeadingReading() as heading:
-                return replace(heading, heading_true_deg=math.radians(heading.heading_true_deg))
-            case ImuReading() as sample:
-                return replace(sample, yaw_rate_deg_s=math.radians(sample.yaw_rate_deg_s))
-            case TurnRateReading() as rate:
-                return TurnRateReading(math.radians(rate.rate_deg_s))
-            case FixReading(v_east_m_s=float() as east, v_north_m_s=float() as north) as fix:
-                return replace(fix, v_east_m_s=east * M_S_PER_KN, v_north_m_s=north * M_S_PER_KN)
-            case other:
-                return other
-
-    return _while(fault, change)
+def _step(fault: SensorFault, timed: Timed) -> Reading:
+    return shifted(timed.reading, fault.quantity, fault.size, fault.toward_deg)
 
 
-def _turned(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
+def _ramp(fault: SensorFault, timed: Timed) -> Reading:
+    return shifted(timed.reading, fault.quantity, fault.size * (timed.t_s - fault.from_s), fault.toward_deg)
+
+
+def _carry_off(fault: SensorFault, timed: Timed) -> Reading:
+    """The place as with a ramp, and the velocity that belongs to it."""
+    return shifted(_ramp(fault, timed), VELOCITY, fault.size, fault.toward_deg)
+
+
+def _dropout(_fault: SensorFault, _timed: Timed) -> None:
+    return None
+
+
+def _zero(_fault: SensorFault, timed: Timed) -> Reading:
+    match timed.reading:
+        case FixReading() as fix:
+            still = None if fix.v_east_m_s is None else 0.0
+            return replace(fix, lat_deg=0.0, lon_deg=0.0, v_east_m_s=still, v_north_m_s=still)
+        case HeadingReading() as heading:
+            return replace(heading, heading_true_deg=0.0)
+        case ImuReading() as sample:
+            level = None if sample.roll_deg is None else 0.0
+            return ImuReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, level, level)
+        case TurnRateReading():
+            return TurnRateReading(0.0)
+        case other:
+            return other
+
+
+def _sign(_fault: SensorFault, timed: Timed) -> Reading:
+    return _with_angles(timed.reading, lambda heading: wrap_deg(-heading), lambda rate: -rate)
+
+
+def _unit(_fault: SensorFault, timed: Timed) -> Reading:
+    reading = timed.reading
+    if isinstance(reading, FixReading) and reading.v_east_m_s is not None and reading.v_north_m_s is not None:
+        east, north = reading.v_east_m_s * M_S_PER_KN, reading.v_north_m_s * M_S_PER_KN
+        return replace(reading, v_east_m_s=east, v_north_m_s=north)
+    return _with_angles(reading, math.radians, math.radians)
+
+
+def _with_angles(reading: Reading, heading: Callable[[float], float], rate: Callable[[float], float]) -> Reading:
+    """A reading whose heading (deg), or yaw rate (deg/s), goes through a function."""
+    match reading:
+        case HeadingReading():
+            return replace(reading, heading_true_deg=heading(reading.heading_true_deg))
+        case ImuReading():
+            return replace(reading, yaw_rate_deg_s=rate(reading.yaw_rate_deg_s))
+        case TurnRateReading():
+            return TurnRateReading(rate(reading.rate_deg_s))
+        case _:
+            return reading
+
+
+def _turned(fault: SensorFault, timed: Timed) -> Reading:
+    sample = timed.reading
+    if not isinstance(sample, ImuReading):
+        return sample
     cosine, sine = math.cos(math.radians(fault.size)), math.sin(math.radians(fault.size))
-
-    def change(timed: Timed) -> Reading:
-        sample = timed.reading
-        if not isinstance(sample, ImuReading):
-            return sample
-        fwd, stb = sample.accel_fwd_m_s2, sample.accel_stb_m_s2
-        return replace(sample, accel_fwd_m_s2=cosine * fwd + sine * stb, accel_stb_m_s2=cosine * stb - sine * fwd)
-
-    return _while(fault, change)
+    fwd, stb = sample.accel_fwd_m_s2, sample.accel_stb_m_s2
+    return replace(sample, accel_fwd_m_s2=cosine * fwd + sine * stb, accel_stb_m_s2=cosine * stb - sine * fwd)
 
 
-def _upside_down(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    def change(timed: Timed) -> Reading:
-        sample = timed.reading
-        if not isinstance(sample, ImuReading):
-            return sample
-        return replace(
-            sample,
-            accel_stb_m_s2=-sample.accel_stb_m_s2,
-            accel_down_m_s2=-sample.accel_down_m_s2,
-            pitch_rate_deg_s=-sample.pitch_rate_deg_s,
-            yaw_rate_deg_s=-sample.yaw_rate_deg_s,
-        )
-
-    return _while(fault, change)
+def _upside_down(_fault: SensorFault, timed: Timed) -> Reading:
+    sample = timed.reading
+    if not isinstance(sample, ImuReading):
+        return sample
+    return replace(
+        sample,
+        accel_stb_m_s2=-sample.accel_stb_m_s2,
+        accel_down_m_s2=-sample.accel_down_m_s2,
+        pitch_rate_deg_s=-sample.pitch_rate_deg_s,
+        yaw_rate_deg_s=-sample.yaw_rate_deg_s,
+    )
 
 
-def _dropout(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    return _while(fault, lambda _timed: None)
+def _clock(fault: SensorFault, timed: Timed) -> Reading:
+    fix = timed.reading
+    return replace(fix, late_s=fix.late_s - fault.size) if isinstance(fix, FixReading) else fix
 
 
-def _clock(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    def change(timed: Timed) -> Reading:
-        fix = timed.reading
-        return replace(fix, late_s=fix.late_s - fault.size) if isinstance(fix, FixReading) else fix
-
-    return _while(fault, change)
+def _claim(fault: SensorFault, timed: Timed) -> Reading:
+    fix = timed.reading
+    return replace(fix, quality=int(fault.size)) if isinstance(fix, FixReading) else fix
 
 
-def _claim(fault: SensorFault, _table: SensorTable, _rng: np.random.Generator) -> Change:
-    def change(timed: Timed) -> Reading:
-        fix = timed.reading
-        return replace(fix, quality=int(fault.size)) if isinstance(fix, FixReading) else fix
-
-    return _while(fault, change)
-
-
-_MAKERS: Final[dict[str, Callable[[SensorFault, SensorTable, np.random.Generator], Change]]] = {
-    "spike": _spike,
+_ALIKE: Final[dict[str, Callable[[SensorFault, Timed], Reading | None]]] = {
     "step": _step,
     "ramp": _ramp,
     "carry-off": _carry_off,
-    "noise": _noise,
-    "stuck": _stuck,
-    "repeat": _repeat,
-    "zero": _zero,
     "dropout": _dropout,
-    "delay": _delay,
-    "clock": _clock,
-    "claim": _claim,
+    "zero": _zero,
     "sign": _sign,
     "unit": _unit,
     "turned": _turned,
     "upside-down": _upside_down,
+    "clock": _clock,
+    "claim": _claim,
 }
+"""Kinds that do the same with each reading, whatever was before."""

@@ -30,6 +30,14 @@ LINGER_S = 0.2
 def add_arguments(commands: Any) -> None:
     """Add the sub-parser."""
     parser = commands.add_parser("virtual", help="a virtual boat on pseudo-terminals", description=_virtual.__doc__)
+    _add_what_is_played(parser)
+    _add_simulated(parser)
+    _add_recorded(parser)
+    _add_run(parser)
+    parser.set_defaults(command=_virtual)
+
+
+def _add_what_is_played(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--scenario", metavar="NAME", help="simulated scenario, see --list (default 5.3)")
     source.add_argument("--recording", metavar="CSV", type=Path, help="play a column recording; needs --map")
@@ -41,6 +49,9 @@ def add_arguments(commands: Any) -> None:
         help="play a raw recording of a serial port as it was; give it again for more ports",
     )
     source.add_argument("--list", action="store_true", help="list scenarios, quirks and faults, and stop")
+
+
+def _add_simulated(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--boat",
         metavar="TOML",
@@ -61,6 +72,10 @@ def add_arguments(commands: Any) -> None:
         default=[],
         help="break a sensor: 'compass1 step 30 deg at 120 s for 60 s', see --list; give it again for more",
     )
+    parser.add_argument("--seed", type=int, default=1, help="of all simulated noise (default 1)")
+
+
+def _add_recorded(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--map", metavar="TOML", type=Path, help="which column of the recording is what")
     parser.add_argument(
         "--baud",
@@ -79,7 +94,9 @@ def add_arguments(commands: Any) -> None:
         metavar="S",
         help="shorten gaps of an --nmea recording to so many seconds",
     )
-    parser.add_argument("--seed", type=int, default=1, help="of all simulated noise (default 1)")
+
+
+def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, help="play only the beginning")
     parser.add_argument(
         "--dir", type=Path, help="where ports, boat.toml, truth.csv, sent.jsonl go (default: a new one)"
@@ -90,7 +107,6 @@ def add_arguments(commands: Any) -> None:
     parser.add_argument("--hold", action="store_true", help="when ready, wait for a line on stdin")
     parser.add_argument("--until-stdin-closes", action="store_true", help="stop when stdin ends")
     parser.add_argument("--exit-at-end", action="store_true", help="do not keep the ports open after the last byte")
-    parser.set_defaults(command=_virtual)
 
 
 def _virtual(args: argparse.Namespace) -> int:
@@ -147,10 +163,13 @@ def _source(args: argparse.Namespace) -> Source:
     if args.map is not None and args.recording is None:
         raise WayfixError("belongs to a recording", "--map", "add --recording CSV")
     is_recorded = args.nmea is not None or args.recording is not None
-    for option, given in (("--boat", args.boat), ("--quirk", args.quirk), ("--inject", args.inject and args.nmea)):
+    for option, given in (("--boat", args.boat), ("--quirk", args.quirk)):
         if given and is_recorded:
             raise WayfixError("belongs to a scenario", option, "leave out the recording")
     if args.nmea is not None:
+        if args.inject:
+            cure = "import the recording, then `wayfix replay LOG --inject ...`"
+            raise WayfixError("needs readings, a raw recording holds lines", "--inject", cure)
         from onboard.virtual.player import Player
 
         return Player(

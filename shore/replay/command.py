@@ -226,17 +226,21 @@ def _empty(arguments: argparse.Namespace, replay: "Replay") -> tuple[str, str, s
 
 def _told(arguments: argparse.Namespace, replay: "Replay", is_whole: bool) -> dict[str, Any]:
     """Say what was read, made and found again; the same for `--json`."""
+    from common.simulation.faults import NOTHING_CHANGED
+
     tell(f"{arguments.log}: {counted(replay.frames, 'frame')}, filters {', '.join(replay.filters)}")
     _tell_order(replay)
     if replay.damage:
         say(f"{arguments.log}: {replay.damage}; all frames that are sound were replayed")
     if replay.why_none is not None:
         say(f"{arguments.log}: no estimates: {replay.why_none}")
-    for fault in replay.inject:
-        tell(f"injected: {fault}")
+    for fault, count in replay.source.injected.items():
+        tell(f"injected: {fault} ({counted(count, 'reading')} changed)")
+        if not count:
+            say(f"--inject: {fault!r} changes nothing; {NOTHING_CHANGED}")
     summary: dict[str, Any] = {
         "order": replay.order,
-        "injected": list(replay.inject),
+        "injected": replay.source.injected,
         "why_no_estimates": replay.why_none,
         "whole": is_whole,
         "frames": {"read": replay.frames, "bad": replay.source.bad, "late": replay.source.late},

@@ -79,6 +79,11 @@ class Frames:
         """Order of the board's starts, as far as the log has been read."""
         self._injection = Injection(inject, self.start.config) if inject else None
 
+    @property
+    def injected(self) -> dict[str, int]:
+        """Number of readings that each injected fault has changed so far, by its sentence."""
+        return {} if self._injection is None else self._injection.counts
+
     def __iter__(self) -> Iterator[Arrival]:
         return (item for item in self.read() if isinstance(item, Arrival))
 

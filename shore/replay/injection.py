@@ -12,7 +12,8 @@ from typing import Final, TypeVar
 
 from common.angles import wrap_deg
 from common.boat_config import LATE_IMU_S, BoatConfig
-from common.codec import encode_frame
+from common.codec import decode_frame, encode_frame
+from common.errors import CodecError, WayfixError
 from common.framer import with_means
 from common.messages import Attitude, ClockPair, Fix, Heading, ImuBlock, RawLine, TurnRate
 from common.simulation.faults import Faults, faults_of
@@ -30,6 +31,7 @@ class Injection:
 
     def __init__(self, texts: Sequence[str], config: BoatConfig) -> None:
         """Raises WayfixError for a sentence that does not fit the boat."""
+        self._texts = tuple(texts)
         self._faults = faults_of(texts, config)
         self._spoiler = Faults(self._faults, config.sensor)
         self._roles = {sensor.id: sensor.role for sensor in config.sensor}
@@ -39,8 +41,16 @@ class Injection:
         self._beyond: dict[str, tuple[float, float, float, float, int]] = {}
         """What the faults added to the running sums of each IMU: of its three axes (m/s, m/s, deg), s, samples."""
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of readings that each fault has changed so far, by its sentence."""
+        return dict(zip(self._texts, self._spoiler.counts, strict=True))
+
     def spoil(self, arrival: Arrival) -> Arrival:
-        """The arrival with its frame spoilt, and with the bytes of that frame."""
+        """The arrival with its frame spoilt, as a station would decode it, and with the bytes of that frame.
+
+        Raises WayfixError for values that no frame can carry.
+        """
         frame, start_ns = arrival.frame, arrival.frame.t1_ns - round(arrival.t_s * NS_PER_S)
         spoilt = replace(
             frame,
@@ -52,7 +62,14 @@ class Injection:
             clock_pairs=self._each(frame.clock_pairs, self._beside, start_ns),
             raw=self._each(frame.raw, self._beside, start_ns),
         )
-        return arrival if spoilt == frame else arrival._replace(frame=spoilt, data=encode_frame(spoilt))
+        if spoilt == frame:
+            return arrival
+        try:
+            data = encode_frame(spoilt)
+        except CodecError as error:
+            what = f"a fault gives what no frame can carry ({error.what})"
+            raise WayfixError(what, "--inject", "give a smaller size") from error
+        return arrival._replace(frame=decode_frame(data), data=data)
 
     def _each(self, given: tuple[M, ...], change: Callable[[M, int], M | None], start_ns: int) -> tuple[M, ...]:
         changed = (change(each, start_ns) if each.sensor in self._sensors else each for each in given)

@@ -226,6 +226,9 @@ def test_exit_at_end_and_list(tmp_path: Path) -> None:
         (["--boat", "none.toml", "--nmea", "none.log"], "--boat: belongs to a scenario"),
         (["--quirk", "gps1:x", "--recording", "none.csv"], "--quirk: belongs to a scenario"),
         (["--quirk", "gps1:x"], "--quirk: 'gps1:x' names no quirk"),
+        (["--inject", "gps1 sterp 5 m at 1 s"], "--inject: there is no fault 'sterp', did you mean step?"),
+        (["--inject", "gps1 stuck at 900 s", "--seconds", "5"], "--inject: 'gps1 stuck at 900 s' changes nothing"),
+        (["--inject", "gps1 step 5 m at 1 s", "--nmea", "none.log"], "--inject: needs readings"),
         (["--scenario", "real-lake", "--seconds", "1e9"], "--seconds: real-lake is simulated for at most"),
     ],
 )

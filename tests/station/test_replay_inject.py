@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from common.errors import WayfixError
 from common.messages import Frame
 from common.simulation.faults import with_faults
 from common.simulation.scenarios import scenario_voyage
@@ -93,7 +94,8 @@ def test_a_replay_with_faults_says_so_and_its_record_holds_them(
     assert main(["replay", str(path), "--inject", fault, "--record", str(new), "--json"]) == 0
     said = capsys.readouterr()
     summary = json.loads(said.out.splitlines()[-1])
-    assert summary["injected"] == [fault]
+    assert list(summary["injected"]) == [fault]
+    assert f"injected: {fault} ({summary['injected'][fault]} readings changed)" in said.err + said.out
     assert summary["estimates"]["not_compared"] == "faults are injected that the live run did not have"
     start = next(record for record in read_log(new).session() if record["kind"] == "start")
     assert start["options"]["inject"] == [fault]
@@ -103,6 +105,28 @@ def test_a_replay_with_faults_says_so_and_its_record_holds_them(
     assert 0.3 < sum(off) / len(off) < 0.7
     assert main(["replay", str(new)]) == 0
     capsys.readouterr()
+
+
+@pytest.mark.parametrize("text", ["imu1 turned 33 deg at 5 s", "imu1 noise x3 at 5 s", "gps1 noise 7 m at 5 s"])
+def test_the_log_of_a_spoilt_replay_is_found_again(text: str, tmp_path: Path, voyage: list[Frame]) -> None:
+    """What the filters saw is what is recorded: columns of an IMU are rounded on the wire."""
+    path, new = log_of(tmp_path, voyage[:300]), tmp_path / "new.mcap"
+    assert main(["replay", str(path), "--inject", text, "--record", str(new)]) == 0
+    assert main(["replay", str(new)]) == 0
+
+
+def test_a_fault_that_changes_nothing_is_said(
+    tmp_path: Path, voyage: list[Frame], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", str(log_of(tmp_path, voyage[:40])), "--inject", "compass1 step 40 deg at 5000 s"]) == 0
+    assert "--inject: 'compass1 step 40 deg at 5000 s' changes nothing; look at its time" in capsys.readouterr().err
+    with pytest.raises(WayfixError, match="changes nothing"):
+        with_faults(VOYAGE, ["gps1 step 5 m at 900 s"])
+
+
+def test_a_fault_beyond_what_a_frame_carries_is_one_sentence() -> None:
+    with pytest.raises(WayfixError, match=r"--inject: a fault gives what no frame can carry .*sog_kn.*smaller size"):
+        injected("gps1 step 2000 m/s at 10 s")
 
 
 def test_a_wrong_fault_is_one_sentence(tmp_path: Path, voyage: list[Frame], capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,7 +80,7 @@ def test_no_position_can_be_read_on_the_wire_but_with_open(tmp_path: Path, *, is
     with boat(tmp_path, is_open=is_open) as running, Relay(running.target) as relay:
         ashore = Process("wayfix", "connect", *running.mode, relay.address, "--log", tmp_path / "log")
         try:
-            ashore.wait_for(lambda _: relay.down.bytes > 40_000, 30)
+            ashore.wait_for(lambda _: relay.down.bytes > 60_000, 40)
         finally:
             ashore.popen.terminate()
             ashore.finish()
