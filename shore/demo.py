@@ -22,12 +22,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from common.clock import boottime_ns
+from common.clock import BoatClock, boottime_ns
 from common.codec import decode_frame
 from common.errors import LinkError, WayfixError
 from common.key_list import Entry, with_entry
 from common.keys import new_keys, write_own
 from common.link_messages import MAX_WINDOW
+from common.units import NS_PER_S
 from common.words import how_to_install
 from shore.link.link import Link
 from shore.link.transport import LinkKeys
@@ -40,6 +41,10 @@ from shore.settings.station import FilterSettings, StationSettings
 READY_S: Final = 20.0
 DRAIN_BOAT_S: Final = 1.0
 """Boat time between the virtual boat's last byte and the daemon's stop, s: the last GPS epoch closes in it."""
+BEHIND_S: Final = 1.0
+"""Age of the newest frame that a station may have when the daemon is stopped, s: it takes the last one in time."""
+CATCH_UP_S: Final = 60.0
+"""Time that a station may take for what it is behind when the mission is over, s; on a slow machine that is a lot."""
 END_S: Final = 20.0
 """Time that the daemon's last messages may take, s, also for a station on a slow disk; half a second is usual."""
 STOP_S: Final = 1.0
@@ -168,8 +173,12 @@ class Demo:
         self._stop = StopFlag()
         self._virtual: Child | None = None
         self._daemon: Child | None = None
+        self._live_run: LiveRun | None = None
+        self._clock = BoatClock(options.speed, boottime_ns())
         self._done_ns: int | None = None
         self._asked_to_end_ns: int | None = None
+        self._behind_s = 0.0
+        """Age of the newest frame of the station when the mission was over, real s."""
         self.dead: WayfixError | None = None
 
     def run(self) -> dict[str, Any] | None:
@@ -196,7 +205,8 @@ class Demo:
         if self._stop():
             return {"frames": counts, "log": str(log_path)}
         if tally.sent is None:
-            raise WayfixError(f"the daemon did not end its session within {END_S:g} s", cure="try a lower --speed")
+            behind = f"the daemon did not end its session; the station was {self._behind_s:.1f} s behind it"
+            raise WayfixError(behind, cure="try a lower --speed, the machine may be too slow")
         return self._summary(counts, log_path, Path(ready["truth"]))
 
     def _directory(self) -> Path:
@@ -210,7 +220,8 @@ class Demo:
         return self.options.log_dir
 
     def _start(self, directory: Path) -> tuple[dict[str, Any], Link]:
-        clock = ["--clock-rate", f"{self.options.speed:g}", "--clock-start", str(boottime_ns()), "--until-stdin-closes"]
+        clock = ["--clock-rate", f"{self.options.speed:g}", "--clock-start", str(self._clock.t_start_ns)]
+        clock.append("--until-stdin-closes")
         source = ["--scenario", self.options.scenario]
         if self.options.boat is not None:
             source += ["--boat", str(self.options.boat)]
@@ -244,7 +255,7 @@ class Demo:
             settings = StationSettings(FilterSettings(self.options.filters))
             options = Options(settings, log_dir=directory, until_end=True)
             say = (lambda _line: None) if self.options.headless else self._say
-            live = LiveRun(link, options, self._supervise, say)
+            live = self._live_run = LiveRun(link, options, self._supervise, say)
             with suppress(WayfixError):  # a child that is dead by now is found by `_supervise`; the log is closed
                 self._virtual.tell("go")
             tally = live.run()
@@ -270,10 +281,19 @@ class Demo:
                 return True
         if self._done_ns is None and self._virtual.said("done") is not None:
             self._done_ns = now_ns
-        if self._done_ns is not None and now_ns - self._done_ns > DRAIN_BOAT_S / self.options.speed * 1e9:
+        if self._done_ns is not None and self._is_complete(now_ns - self._done_ns):
             self._asked_to_end_ns = now_ns
             os.kill(self._daemon.process.pid, signal.SIGTERM)
         return False
+
+    def _is_complete(self, since_done_ns: int) -> bool:
+        """Whether the station has taken what the mission gave: a daemon that stops waits a second for no station."""
+        if since_done_ns <= DRAIN_BOAT_S / self.options.speed * NS_PER_S:
+            return False
+        assert self._live_run is not None
+        self._behind_s = (self._clock.now_ns() - self._live_run.t_ns) / NS_PER_S / self.options.speed
+        has_all = self._behind_s < BEHIND_S and self._live_run.missing_count == 0
+        return has_all or since_done_ns > CATCH_UP_S * NS_PER_S
 
     def _summary(self, counts: dict[str, Any], log_path: Path, truth: Path) -> dict[str, Any]:
         reader = read_log(log_path)

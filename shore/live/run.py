@@ -168,7 +168,7 @@ class LiveRun:
                     if next_second_ns < boottime_ns():  # late: what waits comes first
                         next_second_ns = boottime_ns() + NS_PER_S
         finally:
-            self.tally.missing = self._missing_count + self._ledger.gone_count
+            self.tally.missing = self.missing_count + self._ledger.gone_count
             if self._options.frames is not None:
                 self.tally.missing = self._options.frames - self.tally.received
             self._watchers.end(self._end_record(), time.time_ns())
@@ -206,7 +206,7 @@ class LiveRun:
         """Say what the greeting keeps quiet of, where that is wanted."""
         starts, count = self._connected.get("unlisted") or (0, 0)
         if self._wants_older and starts:
-            self._happened(event("starts-unlisted", self._t_ns, "link", starts=starts, count=count))
+            self._happened(event("starts-unlisted", self.t_ns, "link", starts=starts, count=count))
 
     def _wants(self) -> Wants:
         """What the link's next lease asks for."""
@@ -215,7 +215,7 @@ class LiveRun:
         return Wants(run=BoundedRun(self._options.frames, self.tally.received, *self._next, self._options.period_s))
 
     @property
-    def _missing_count(self) -> int:
+    def missing_count(self) -> int:
         """Number of frames still to come, new ones left out; a bounded run has them in order, without a hole."""
         return 0 if self._options.frames is not None else self._ledger.missing_count
 
@@ -245,7 +245,7 @@ class LiveRun:
             self._ended(received.end)
         for item in received.gone or ():
             if count := self._ledger.is_gone(item):
-                self._happened(event("frames-gone", self._t_ns, "link", count=count, seq=item.first))
+                self._happened(event("frames-gone", self.t_ns, "link", count=count, seq=item.first))
 
     def _take(self, data: bytes) -> None:
         now_ns = time.time_ns()
@@ -290,12 +290,12 @@ class LiveRun:
         else:
             self._adopt(connected)
             self._begin_session()
-            self._happened(event("config-changed", self._t_ns, "link"))
+            self._happened(event("config-changed", self.t_ns, "link"))
         self._greet()
         self._tell_unlisted()
 
     @property
-    def _t_ns(self) -> int:
+    def t_ns(self) -> int:
         """Boat time of the newest frame of this session; 0 before the first."""
         return 0 if self._status.newest is None else self._status.newest.t_ns
 
@@ -311,7 +311,7 @@ class LiveRun:
         self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
         if self.log_fault is not None:
             return
-        self._happened(event("log-gone", self._t_ns, "log", file=before, new=str(self._log.path)), now_ns)
+        self._happened(event("log-gone", self.t_ns, "log", file=before, new=str(self._log.path)), now_ns)
         if self._trip is None or self._log.path is None:
             return
         self._ledger.rename_trip(self._trip, self._log.path.name)
@@ -326,15 +326,15 @@ class LiveRun:
         limits = self._options.settings.limits
         is_slow = self._log.behind_s > limits.log_behind_s
         if is_slow and not self._is_disk_slow:  # once, until the disk has caught up
-            self._happened(event("log-behind", self._t_ns, "log", age_s=round(self._log.behind_s, 1)))
+            self._happened(event("log-behind", self.t_ns, "log", age_s=round(self._log.behind_s, 1)))
         self._is_disk_slow = is_slow
         silent_s, now_ns = self._link.silent_s(), boottime_ns()
         is_lost = silent_s > limits.link_lost_s
         if not is_lost:
-            self._happened(self._loss.heard(self._ledger.missing_count, self.tally.received, self._t_ns))
+            self._happened(self._loss.heard(self._ledger.missing_count, self.tally.received, self.t_ns))
         else:
             self._has_newest = False
-            self._happened(self._loss.silent(silent_s, now_ns, self._t_ns))
+            self._happened(self._loss.silent(silent_s, now_ns, self.t_ns))
         self._watchers.each_second(self._state(self._loss.lost_s(now_ns) if is_lost else None))
         if is_lost:
             self._follow()
@@ -350,7 +350,7 @@ class LiveRun:
         offset = self._link.offset.at(boottime_ns())
         return SourceState(
             received=self.tally.received,
-            missing=self._missing_count,
+            missing=self.missing_count,
             catching_up=self._backfill.missing(self._ledger.all_missing(), boottime_ns()),
             gone=self._ledger.gone_count,
             lost_s=lost_s,
