@@ -7,7 +7,7 @@ screen into `<trip>-late.mcap`, a log like any other. Where the program dies, th
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from common.errors import WayfixError
 from common.words import counted
@@ -30,6 +30,14 @@ class EarlierTrips:
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._writers: dict[str, LogWriter] = {}
+        self._greeting: dict[str, Any] | None = None
+        """The board's last greeting, as a log keeps it: in it stand the starts whose frames come."""
+
+    def greeted(self, record: dict[str, Any], t_ns: int) -> None:
+        """The board greeted (`greeted_record`). Raises WayfixError."""
+        self._greeting = record
+        for writer in self._writers.values():
+            writer.write_session(record, t_ns)
 
     def take(self, trip: str, arrival: Arrival) -> None:
         """Keep a frame of the trip whose log has this name. Raises WayfixError."""
@@ -38,6 +46,8 @@ class EarlierTrips:
             log = self._directory / trip
             start = _start_of(log) or arrival.start.record
             writer = self._writers[trip] = late_log(log, start, arrival.log_time_ns)
+            if self._greeting is not None:
+                writer.write_session(self._greeting, arrival.log_time_ns)
         LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
 
     def drop_gone(self) -> list[str]:

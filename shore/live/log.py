@@ -9,6 +9,8 @@ from common.errors import WayfixError
 from shore.live.cursor import Cursor
 from shore.live.earlier_trips import EarlierTrips
 from shore.logbook.background_writer import LogRecorder
+from shore.logbook.greetings import GREETED, greeted_record
+from shore.logbook.schemas import SESSION
 from shore.watchers.log import LogWatcher
 from shore.watchers.watcher import Arrival, Start
 
@@ -42,7 +44,18 @@ class LiveLog(LogWatcher):
     def begin(self, start: Start, t_ns: int) -> None:
         """Write the session record and the first checkpoint."""
         super().begin(start, t_ns)
+        self._greeted(greeted_record(start.record["connected"]), t_ns)
         self.checkpoint()
+
+    def note(self, topic: str, record: dict[str, Any], t_ns: int) -> None:
+        """Write a record; a greeting of the board also beside the frames of earlier trips."""
+        super().note(topic, record, t_ns)
+        if topic == SESSION and record.get("kind") == GREETED:
+            self._greeted(record, t_ns)
+
+    def _greeted(self, record: dict[str, Any], t_ns: int) -> None:
+        if (earlier := self._earlier) is not None:
+            self._recorder.write(lambda _own: earlier.greeted(record, t_ns))
 
     @property
     def is_gone(self) -> bool:

@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
+from shore.logbook.greetings import COMPLETED, GREETED
 from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.schemas import EVENTS, FIXES, FRAMES
@@ -45,8 +47,10 @@ def complete(trip: Path, late: Path) -> int:
                     result.trip.frame(frame)
         if _lost_records(reader):
             raise WayfixError("is damaged", str(late), _CURE)
+        completed = _completed(late)
+        result.trip.session(completed, 0)
         summary = {"kind": "summary", **result.trip.as_record()}
-        return Added([_completed(late)], lambda: _new(late, new), [summary], summary)
+        return Added([completed], lambda: _new(late, new), [summary], summary)
 
     rewrite(trip, trip.resolve(), added, lambda _step, _scan: None, "free some space; both logs are as they were")
     late.unlink(missing_ok=True)
@@ -66,10 +70,15 @@ def _records(late: LogReader) -> Iterator[tuple[int, Whole]]:
             yield number, whole_of(item, scans[0].schemas)
 
 
-def _completed(late: Path) -> dict[str, object]:
-    """What a trip holds where it goes on: from which log, and what it lacks still, where that is known."""
-    ends = [record for record in LogReader(late).session() if record["kind"] == "end" and "lacks" in record]
-    return {"kind": "completed", "from": late.name, **({"lacks": ends[-1]["lacks"]} if ends else {})}
+def _completed(late: Path) -> dict[str, Any]:
+    """What a trip holds where it goes on: from which log; where known, the board's starts, and what it lacks still."""
+    known = {}
+    for record in LogReader(late).session():
+        if record["kind"] == "end" and "lacks" in record:
+            known["lacks"] = record["lacks"]
+        elif record["kind"] == GREETED and "starts" in record:
+            known["starts"] = record["starts"]
+    return {"kind": COMPLETED, "from": late.name, **known}
 
 
 def _new(late: Path, new: set[int]) -> Iterator[Whole]:
