@@ -43,9 +43,9 @@ class StartLedger:
 class Ledger:
     """Starts of the daemon in their order."""
 
-    def __init__(self, starts: Iterable[StartLedger] = ()) -> None:
+    def __init__(self, starts: Iterable[StartLedger] = (), forgotten: int = 0) -> None:
         self._starts = {start.boot_id: start for start in starts}
-        self._forgotten = 0
+        self.forgotten = forgotten
         """Number of frames that starts lacked which are not remembered any more."""
         self._running: str | None = None
         """The start that greeted last."""
@@ -73,7 +73,7 @@ class Ledger:
         own.upto = max(own.upto, next_seq)
         while len(self._starts) > MAX_STARTS:
             oldest = self._starts.pop(next(iter(self._starts)))
-            self._forgotten += len(oldest.gone) + sum(last - first + 1 for first, last in oldest.missing())
+            self.forgotten += len(oldest.gone) + sum(last - first + 1 for first, last in oldest.missing())
         return known is None and not is_new_here
 
     def take(self, boot_id: str, first: int, last: int) -> bool:
@@ -111,6 +111,11 @@ class Ledger:
             start.trips.append((start.first, name))
         elif start.trips[-1][1] != name:
             start.trips.append((next_seq, name))
+
+    @property
+    def trips(self) -> set[str]:
+        """Names of the logs of the trips that it knows."""
+        return {name for start in self._starts.values() for _, name in start.trips}
 
     def rename_trip(self, before: str, name: str) -> None:
         """The log of a trip has another name now."""
@@ -169,7 +174,7 @@ class Ledger:
     @property
     def gone_count(self) -> int:
         """Number of frames that are lost for good."""
-        return self._forgotten + sum(len(start.gone) for start in self._starts.values())
+        return self.forgotten + sum(len(start.gone) for start in self._starts.values())
 
     def all_missing(self) -> Iterator[FrameRange]:
         """Every missing range, oldest first."""

@@ -44,6 +44,13 @@ def ledger_from_logs(directory: Path, boat_id: str, say: Callable[[str], None]) 
     return ledger
 
 
+def unknown_trips(directory: Path, boat_id: str, known: set[str]) -> set[str]:
+    """Names of the logs of this boat's trips in a directory that are not among these; late frames are no trip."""
+    others = (path for path in directory.glob("*.mcap") if path.name not in known)
+    logs = (log for path in others if (log := _log_of(path, boat_id)) is not None)
+    return {log.trip for log in logs if log.path.name == log.trip}
+
+
 def take_frames(ledger: Ledger, log: Path, since_ns: int, boat_id: str) -> int:
     """Take in the frames since a log time, ns. Returns the log time of the newest record of all, 0 = there is none.
 
