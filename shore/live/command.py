@@ -67,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -> int:
     from shore.live.earlier_trips import complete_trips
-    from shore.live.run import LiveRun, StopFlag
+    from shore.live.run import LiveRun
+    from shore.live.stop_flag import StopFlag
 
     address, boat = meet(arguments, boats)
     link = link_to(address, boat, boats)

@@ -1,10 +1,8 @@
 """Live run, a source of steps: link -> pipeline -> watchers (log, events, status line)."""
 
 import logging
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +21,7 @@ from shore.link.catching_up import Backfill
 from shore.link.choose_boat import Seeker
 from shore.link.frame_ledger import Ledger
 from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
+from shore.live.busy_watch import BusyWatch
 from shore.live.cursor import Cursor
 from shore.live.link_loss import LinkLoss
 from shore.live.log import LiveLog
@@ -34,7 +33,7 @@ from shore.settings.station import DEFAULTS, StationSettings
 from shore.watchers.account import RunAccount
 from shore.watchers.say import SayEvents
 from shore.watchers.status import StatusLine
-from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step, Watchers
+from shore.watchers.watcher import Arrival, BoardNow, RunSeconds, SourceState, Start, Step, Watchers
 
 log = logging.getLogger(__name__)
 
@@ -68,31 +67,6 @@ class Tally:
     sent: int | None = None
     """Number of frames sent, as the board's `end` gives it; None = no end was received."""
     end_reason: str | None = None
-
-
-class StopFlag:
-    """Set by Ctrl-C and SIGTERM; asked between frames, so that the log is always closed."""
-
-    def __init__(self) -> None:
-        self.reason: str | None = None
-
-    def __call__(self) -> bool:
-        """True once a signal came."""
-        return self.reason is not None
-
-    @contextmanager
-    def on_signals(self) -> Iterator["StopFlag"]:
-        """Catch SIGINT, SIGTERM and a closed terminal (SIGHUP) inside the block."""
-        handled = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        previous = {number: signal.signal(number, self._catch) for number in handled}
-        try:
-            yield self
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-
-    def _catch(self, number: int, _frame: object) -> None:
-        self.reason = signal.Signals(number).name
 
 
 class LiveRun:
@@ -155,24 +129,30 @@ class LiveRun:
 
     def run(self) -> Tally:
         """Run until the board's end, the number of frames asked for, or a stop. The log is closed in any case."""
-        next_second_ns = boottime_ns() + NS_PER_S
+        watch = BusyWatch(self._say)
         try:
             self._begin()
-            while not self._stopped() and not self._is_over:
-                received = self._receive()
-                if received is not None:
-                    self._handle(received)
-                if boottime_ns() >= next_second_ns:
-                    self._each_second()
-                    next_second_ns += NS_PER_S
-                    if next_second_ns < boottime_ns():  # late: what waits comes first
-                        next_second_ns = boottime_ns() + NS_PER_S
+            with watch.watching():
+                self._go_on(watch.beat)
         finally:
             self.tally.missing = self._missing_count + self._ledger.gone_count
             if self._options.frames is not None:
                 self.tally.missing = self._options.frames - self.tally.received
             self._watchers.end(self._end_record(), time.time_ns())
         return self.tally
+
+    def _go_on(self, beat: Callable[[], None]) -> None:
+        next_second_ns = boottime_ns() + NS_PER_S
+        while not self._stopped() and not self._is_over:
+            beat()
+            received = self._receive()
+            if received is not None:
+                self._handle(received)
+            if boottime_ns() >= next_second_ns:
+                self._each_second()
+                next_second_ns += NS_PER_S
+                if next_second_ns < boottime_ns():  # late: what waits comes first
+                    next_second_ns = boottime_ns() + NS_PER_S
 
     def _adopt(self, connected: dict[str, Any]) -> None:
         """Take the board's facts from its greeting; the filters start again."""
@@ -346,17 +326,27 @@ class LiveRun:
             self._say(f"the boat is at {address} now")
             self._link.move_to(address)
 
+    def _board_now(self, now_ns: int) -> BoardNow | None:
+        """The board's clock; one that a virtual board scales has not what round trips measure."""
+        clock_id, offset = self._connected.get("clock_id"), self._link.offset.at(now_ns)
+        if not isinstance(clock_id, str):
+            return None
+        is_scaled = self._connected.get("clock_rate", 1.0) != 1.0
+        return BoardNow(clock_id, None if offset is None or is_scaled else now_ns + offset.offset_ns - offset.bound_ns)
+
     def _state(self, lost_s: float | None) -> SourceState:
-        offset = self._link.offset.at(boottime_ns())
+        now_ns = boottime_ns()
+        offset = self._link.offset.at(now_ns)
         return SourceState(
             received=self.tally.received,
             missing=self._missing_count,
-            catching_up=self._backfill.missing(self._ledger.all_missing(), boottime_ns()),
+            catching_up=self._backfill.missing(self._ledger.all_missing(), now_ns),
             gone=self._ledger.gone_count,
             lost_s=lost_s,
             refusal=None if lost_s is None else self._link.refusal,
             round_trip_ms=None if offset is None else 2 * offset.bound_ns / NS_PER_MS,
             has_log=self.log_fault is None,
+            board_now=self._board_now(now_ns),
         )
 
     def _ended(self, end: dict[str, Any]) -> None:

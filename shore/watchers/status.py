@@ -60,7 +60,10 @@ class StatusLine(Watcher):
 
     def each_second(self, now: SourceState) -> None:
         """Print the line, where one is wanted."""
-        if self.newest is not None and self._settings.display.status_line:
+        if self.newest is None:
+            return
+        self.newest.board_now = now.board_now
+        if self._settings.display.status_line:
             self._say(status_text(self.newest, now, self._width()))
 
 
@@ -89,7 +92,10 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
         [*trouble, bare, *sensors],
     )
     texts = [" | ".join(parts) for parts in shorter]
-    return next((text for text in texts if len(text) <= width), texts[-1][: width - 1] + "…")
+    last = texts[-1]
+    if "STALE" in last and "STALE" not in last[: width - 1]:
+        last = f"STALE {last}"  # a line that is cut does not lose this word
+    return next((text for text in texts if len(text) <= width), last[: width - 1] + "…")
 
 
 def _whole_text(newest: Newest, now: SourceState) -> str:

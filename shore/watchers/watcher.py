@@ -84,6 +84,14 @@ class Step(NamedTuple):
         return *self.frame.events, *self.output.events
 
 
+class BoardNow(NamedTuple):
+    """The clock of the board as it runs now."""
+
+    clock_id: str
+    t_ns: int | None
+    """What it shows now at least, ns; `None` = not known."""
+
+
 @dataclass(frozen=True, slots=True)
 class SourceState:
     """How the source itself is doing, once a second."""
@@ -103,6 +111,8 @@ class SourceState:
     """False once the log has ended before the run."""
     catching_up: CatchingUp | None = None
     """What is missing, and how long it takes to come; `None` = nothing is, or nobody knows."""
+    board_now: BoardNow | None = None
+    """The board's clock; `None` = it is not known which one runs."""
 
 
 class Watcher:

@@ -94,8 +94,10 @@ class SpoolLink:
         runs = [[name, self._board.numbers[name], 0, len(frames)] for name, frames in made.items()]
         unlisted = runs[:-MOST_RUNS]
         config = without_none(asdict(BOAT))
-        return {"boot_id": boot_id, "next_seq": len(made[boot_id]), "config": config, "runs": runs[-MOST_RUNS:],
-                "unlisted": [len(unlisted), sum(run[3] for run in unlisted)]}  # fmt: skip
+        return {
+            "boot_id": boot_id, "clock_id": self._board.clock_id, "next_seq": len(made[boot_id]), "config": config,
+            "runs": runs[-MOST_RUNS:], "unlisted": [len(unlisted), sum(run[3] for run in unlisted)],
+        }  # fmt: skip
 
     def receive(self, timeout_s: float) -> Received | None:
         if self._greeted != self._board.boot_id:
