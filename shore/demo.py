@@ -193,7 +193,7 @@ class Demo:
                         child.terminate()
         if self.dead is not None:
             raise self.dead
-        counts = {"sent": tally.sent, "received": tally.received, "lost": tally.missing}
+        counts = {"sent": tally.sent, "received": tally.received, "lost": tally.missing + tally.lost}
         if self._stop():
             return {"frames": counts, "log": str(log_path)}
         if tally.sent is None:

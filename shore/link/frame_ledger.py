@@ -17,8 +17,8 @@ from common.seqset import SeqSet
 
 MAX_STARTS: Final = 2000
 """Most starts of the daemon that are remembered. What the oldest beyond them lacks counts as lost."""
-MAX_LACKS: Final = 1000
-"""Most ranges that a log says it lacks."""
+MAX_RANGES: Final = 1000
+"""Most ranges of missing, and of lost, frames that a log lists; it counts the frames of the others."""
 
 
 @dataclass(slots=True)
@@ -134,14 +134,26 @@ class Ledger:
 
     def missing_of(self, name: str) -> Iterator[FrameRange]:
         """What a trip lacks still."""
-        for item in self.all_missing():
+        return self._of_trip(name, self.all_missing())
+
+    def holes_of(self, name: str) -> dict[str, Any]:
+        """What a trip lacks still and what of it is lost, for the records of its log: [boot_id, first, last] each.
+
+        Beyond the oldest ranges the frames are counted.
+        """
+        gone = (FrameRange(start.boot_id, *seqs) for start in self._starts.values() for seqs in start.gone)
+        record: dict[str, Any] = {}
+        for word, ranges in (("lacks", self.missing_of(name)), ("lost", self._of_trip(name, gone))):
+            record[word] = [[item.boot_id, item.first, item.last] for item in islice(ranges, MAX_RANGES)]
+            if more := sum(item.last - item.first + 1 for item in ranges):
+                record[f"{word}_more"] = more
+        return record
+
+    def _of_trip(self, name: str, ranges: Iterable[FrameRange]) -> Iterator[FrameRange]:
+        for item in ranges:
             for first, last in self._parts(self._starts[item.boot_id], item.first, item.last):
                 if self.trip_of(item.boot_id, first) == name:
                     yield FrameRange(item.boot_id, first, last)
-
-    def lacks_of(self, name: str) -> list[list[Any]]:
-        """The oldest ranges that a trip lacks still, for the records of its log: [boot_id, first, last] each."""
-        return [[item.boot_id, item.first, item.last] for item in islice(self.missing_of(name), MAX_LACKS)]
 
     def forget_trip(self, name: str) -> None:
         """Its log is gone: its frames are wanted once more."""

@@ -61,10 +61,10 @@ class EarlierTrips:
         """What came so far is the system's; the descriptors to be synced. Raises WayfixError."""
         return [writer.flush() for writer in self._writers.values()]
 
-    def end(self, lacks_of: Callable[[str], list[list[object]]], t_ns: int) -> None:
-        """End the logs with what each trip lacks still. Raises WayfixError."""
+    def end(self, holes_of: Callable[[str], dict[str, Any]], t_ns: int) -> None:
+        """End the logs with what each trip lacks still and what of it is lost. Raises WayfixError."""
         for trip, writer in self._writers.items():
-            writer.write_session({"kind": "end", "lacks": lacks_of(trip)}, t_ns)
+            writer.write_session({"kind": "end", **holes_of(trip)}, t_ns)
             writer.close()
         self._writers.clear()
 

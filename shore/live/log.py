@@ -83,7 +83,7 @@ class LiveLog(LogWatcher):
         """Write the `end` record, wait for the disk, and close."""
         super().end(tally, t_ns)
         if (earlier := self._earlier) is not None and (cursor := self._cursor) is not None:
-            self._recorder.write(lambda _own: earlier.end(cursor.ledger.lacks_of, t_ns))
+            self._recorder.write(lambda _own: earlier.end(cursor.ledger.holes_of, t_ns))
         if (names := self._recorder.name_by_boat()) is not None:
             self._say(f"this station's clock is not the boat's UTC: the log is {names[1]}")
             if self._cursor is not None:  # it is written before the log has that name: whatever happens, it says enough

@@ -19,13 +19,14 @@ from common.settings import convert
 from common.units import NS_PER_MS, NS_PER_S
 from shore.link.catching_up import Backfill
 from shore.link.choose_boat import Seeker
-from shore.link.frame_ledger import Ledger
+from shore.link.frame_ledger import MAX_STARTS, Ledger
 from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
 from shore.live.busy_watch import BusyWatch
 from shore.live.cursor import Cursor
 from shore.live.link_loss import LinkLoss
 from shore.live.log import LiveLog
 from shore.logbook.greetings import greeted_record
+from shore.logbook.holes import Holes, count_listed
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
@@ -60,13 +61,22 @@ class Tally:
 
     received: int = 0
     missing: int = 0
-    """Number of frames that were asked for and are not here, or that the boat does not hold any more."""
+    """Number of frames that were asked for and are not here."""
+    lost: int = 0
+    """Number of frames that this run found to be lost: the boat does not hold them, or does not list them."""
+    not_stored: int = 0
+    """Number of frames that came when the log had ended."""
     repeated: int = 0
     """Number of frames that came once more and were left out."""
     bad: int = 0
     sent: int | None = None
     """Number of frames sent, as the board's `end` gives it; None = no end was received."""
     end_reason: str | None = None
+
+    @property
+    def holes(self) -> Holes:
+        """What is not here, or not in the log, and why."""
+        return Holes(self.missing, self.lost, self.not_stored)
 
 
 class LiveRun:
@@ -135,7 +145,7 @@ class LiveRun:
             with watch.watching():
                 self._go_on(watch.beat)
         finally:
-            self.tally.missing = self._missing_count + self._ledger.gone_count
+            self.tally.missing = self._missing_count
             if self._options.frames is not None:
                 self.tally.missing = self._options.frames - self.tally.received
             self._watchers.end(self._end_record(), time.time_ns())
@@ -177,16 +187,23 @@ class LiveRun:
         runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self._connected["runs"]]
         boot_id, next_seq = str(self._connected["boot_id"]), int(self._connected["next_seq"])
         self._starts.greeted(boots_named(self._connected["runs"]))
+        before = self._ledger.forgotten
         self._wants_older = self._ledger.greet(boot_id, next_seq, runs)
+        self._forgotten = self._ledger.forgotten - before
         if self._trip is not None:
             self._ledger.begin_trip(boot_id, next_seq, self._trip)
         self._has_newest = False
 
-    def _tell_unlisted(self) -> None:
-        """Say what the greeting keeps quiet of, where that is wanted."""
-        starts, count = self._connected.get("unlisted") or (0, 0)
-        if self._wants_older and starts:
-            self._happened(event("starts-unlisted", self._t_ns, "link", starts=starts, count=count))
+    def _tell_lost(self) -> None:
+        """Say which starts cannot be asked for: the greeting keeps quiet of them, or the ledger has forgotten them."""
+        starts, unlisted = self._connected.get("unlisted") or (0, 0)
+        for count, reason in (
+            (unlisted * self._wants_older, f"the boat holds {starts} more starts of its daemon than it lists"),
+            (self._forgotten, f"this station has forgotten starts of the daemon before the newest {MAX_STARTS}"),
+        ):
+            if count:
+                self.tally.lost += count
+                self._happened(event("starts-lost", self._t_ns, "link", reason=reason, count=count))
 
     def _wants(self) -> Wants:
         """What the link's next lease asks for."""
@@ -203,7 +220,7 @@ class LiveRun:
         self._begin_session()
         if (trip := self._options.trip) is not None:
             self._watchers.note(SESSION, trip, time.time_ns())
-        self._tell_unlisted()
+        self._tell_lost()
         for sensor in self._connected.get("sensors", []):
             reason = f": {sensor['reason']}" if sensor.get("reason") else ""
             self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
@@ -225,6 +242,7 @@ class LiveRun:
             self._ended(received.end)
         for item in received.gone or ():
             if count := self._ledger.is_gone(item):
+                self.tally.lost += count
                 self._happened(event("frames-gone", self._t_ns, "link", count=count, seq=item.first))
 
     def _take(self, data: bytes) -> None:
@@ -242,6 +260,7 @@ class LiveRun:
             self._link.ask_soon()
         is_again = self._pipeline.has(frame)
         self.tally.received += not is_again
+        self.tally.not_stored += self.log_fault is not None
         self._next = frame.boot_id, frame.seq + 1
         self._has_newest = self._has_newest or self._ledger.is_newest(frame.boot_id, frame.seq)
         self._backfill.take(frame)
@@ -272,7 +291,7 @@ class LiveRun:
             self._begin_session()
             self._happened(event("config-changed", self._t_ns, "link"))
         self._greet()
-        self._tell_unlisted()
+        self._tell_lost()
 
     @property
     def _t_ns(self) -> int:
@@ -341,11 +360,12 @@ class LiveRun:
             received=self.tally.received,
             missing=self._missing_count,
             catching_up=self._backfill.missing(self._ledger.all_missing(), now_ns),
-            gone=self._ledger.gone_count,
+            lost=self.tally.lost,
             lost_s=lost_s,
             refusal=None if lost_s is None else self._link.refusal,
             round_trip_ms=None if offset is None else 2 * offset.bound_ns / NS_PER_MS,
             has_log=self.log_fault is None,
+            not_stored=self.tally.not_stored,
             board_now=self._board_now(now_ns),
         )
 
@@ -358,10 +378,12 @@ class LiveRun:
         if not self._is_over:
             self._say(f"{self.tally.end_reason}; waiting for it to come back")
 
-    def _lacks(self, trip: str) -> dict[str, Any]:
-        """What is still to come: of this trip, and how many frames of those before it."""
-        own = sum(item.last - item.first + 1 for item in self._ledger.missing_of(trip))
-        return {"lacks": self._ledger.lacks_of(trip), "lacking_before": self._ledger.missing_count - own}
+    def _holes_of(self, trip: str) -> dict[str, Any]:
+        """What of this trip is still to come and what is lost, and how many frames are of those before it."""
+        record = self._ledger.holes_of(trip)
+        missing, lost = (count_listed(record, word) for word in ("lacks", "lost"))
+        before = {"lacking_before": self._ledger.missing_count - missing, "lost_before": self.tally.lost - lost}
+        return {**record, **before}
 
     def _end_record(self) -> dict[str, Any]:
         tally = self.tally
@@ -371,7 +393,7 @@ class LiveRun:
             "clock_bound_ns": None if offset is None else offset.bound_ns,
             "received": tally.received,
             "missing": tally.missing,
-            **({} if self._trip is None else self._lacks(self._trip)),
+            **({} if self._trip is None else self._holes_of(self._trip)),
             "bad": tally.bad,
             "sent": tally.sent,
             "reason": tally.end_reason,

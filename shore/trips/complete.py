@@ -10,6 +10,7 @@ from common.errors import CodecError, WayfixError
 from shore.logbook.greetings import COMPLETED, GREETED
 from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.scan import Scan
+from shore.logbook.missing_frames import WORDS
 from shore.logbook.schemas import EVENTS, FIXES, FRAMES
 from shore.trips.examine import Examination
 from shore.trips.recover import Added, Whole, check_source, rewrite, whole_of
@@ -71,11 +72,11 @@ def _records(late: LogReader) -> Iterator[tuple[int, Whole]]:
 
 
 def _completed(late: Path) -> dict[str, Any]:
-    """What a trip holds where it goes on: from which log; where known, the board's starts, and what it lacks still."""
-    known = {}
+    """What a trip holds where it goes on: from which log; where known, the board's starts, and what it has not."""
+    known: dict[str, Any] = {}
     for record in LogReader(late).session():
-        if record["kind"] == "end" and "lacks" in record:
-            known["lacks"] = record["lacks"]
+        if record["kind"] == "end":
+            known |= {name: record[name] for name in WORDS if name in record}
         elif record["kind"] == GREETED and "starts" in record:
             known["starts"] = record["starts"]
     return {"kind": COMPLETED, "from": late.name, **known}

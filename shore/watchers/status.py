@@ -75,10 +75,9 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
     whole = _whole_text(newest, now)
     if width is None or len(whole) <= width:
         return whole
-    estimate, lack = _estimate_text(newest), now.catching_up
+    estimate = _estimate_text(newest)
     sensors = [text for text in (_fix_text(newest), _heading_text(newest)) if not _UNWELL.isdisjoint(text.split())]
-    missing = f"{now.missing:,} missing"
-    told = missing if lack is None else catching_up_text(lack)
+    missing, told = now.holes.brief(), _holes_text(now)
     trouble = [] if now.has_log else ["NO LOG"]
     trouble += [] if now.lost_s is None else [f"LINK LOST for {now.lost_s:.0f} s"]
     bare, *waiting = estimate.removeprefix(f"{newest.filter} ").split(" waiting for: ")
@@ -99,9 +98,7 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
 
 
 def _whole_text(newest: Newest, now: SourceState) -> str:
-    gone = f", {now.gone} lost" if now.gone else ""
-    missing = f"{now.missing} missing" if now.catching_up is None else catching_up_text(now.catching_up)
-    counts = f"{counted(now.received, 'frame')}, {missing}{gone}"
+    counts = f"{counted(now.received, 'frame')}, {_holes_text(now)}"
     text = f"{_estimate_text(newest)} | {_fix_text(newest)} | {_heading_text(newest)} | {counts}"
     if not now.has_log:
         text = f"NO LOG | {text}"
@@ -111,6 +108,16 @@ def _whole_text(newest: Newest, now: SourceState) -> str:
         return text
     refusal = f" ({now.refusal})" if now.refusal else ""
     return f"LINK LOST for {now.lost_s:.0f} s{refusal}, trying again | before: {text}"
+
+
+def _holes_text(now: SourceState) -> str:
+    """What is not here; of frames that are still to come, where it is known, of which time and how soon."""
+    brief = now.holes.brief()
+    return (
+        brief
+        if now.catching_up is None
+        else brief.replace(f"{now.missing:,} missing", catching_up_text(now.catching_up))
+    )
 
 
 def catching_up_text(lack: CatchingUp) -> str:

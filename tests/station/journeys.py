@@ -9,6 +9,7 @@ import pytest
 
 from common.clock_offset import ClockOffset
 from common.codec import encode_frame
+from common.link_messages import FrameRange
 from common.messages import Frame, SensorHealth
 from shore.link.link import Link, Received, Wants
 from shore.live.run import LiveRun, Options
@@ -35,6 +36,8 @@ class Board:
         self.clock_id = voyage[0].clock_id
         self.numbers: dict[str, int] = {}
         """Number of each start, by boot_id."""
+        self.held_from: dict[str, int] = {}
+        """The first frame that the spool still holds, by boot_id; 0 where it says nothing."""
         self.restart()
 
     def restart(self, start_no: int | None = None) -> None:
@@ -103,6 +106,8 @@ class SpoolLink:
         if self._greeted != self._board.boot_id:
             return Received(connected=self._greeting())
         missing = self._wants().missing
+        if missing and missing[0].first < (held := self._board.held_from.get(missing[0].boot_id, 0)):
+            return Received(gone=[FrameRange(missing[0].boot_id, missing[0].first, min(missing[0].last, held - 1))])
         if missing and self._sent < self._fill:
             self._sent += 1
             return Received(frame=encode_frame(self._board.made[missing[0].boot_id][missing[0].first]))

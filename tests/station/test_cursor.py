@@ -214,7 +214,7 @@ def test_more_starts_than_a_greeting_lists_are_said(
     monkeypatch.setattr("tests.station.journeys.MOST_RUNS", 5)
     _, said = session(tmp_path, board, 2.0)
     (told,) = [line for line in said if "more starts of its daemon" in line]
-    assert "the boat holds 8 more starts of its daemon than it lists: their 34 frames are not fetched" in told
+    assert "the boat holds 8 more starts of its daemon than it lists: their 34 frames are lost" in told
     _, said = session(tmp_path, board, 2.0)
     assert not any("more starts" in line for line in said), "these starts are known now"
 
