@@ -17,14 +17,13 @@ from typing import Any, Final, NamedTuple
 
 from common.atomic_file import whole_file
 from common.errors import WayfixError
+from common.link_messages import MAX_SEQ
 from shore.link.frame_ledger import Ledger, StartLedger
 from shore.live.ledger_from_logs import ledger_from_logs, take_frames, unknown_trips
 from shore.logbook.lock import is_being_written, lock
 from shore.logbook.log_reader import late_logs
 
 FORM: Final = 1
-MOST_SEQ: Final = 2**53
-"""Highest number of a frame."""
 MOST_BYTES: Final = 2**26
 """A larger file is no cursor, bytes."""
 
@@ -191,7 +190,7 @@ def _log_name(name: Any) -> str:
     return name
 
 
-def _number(value: Any, most: int = MOST_SEQ) -> int:
+def _number(value: Any, most: int = MAX_SEQ) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
         raise ValueError("a number in it is out of its range")
     return value
