@@ -31,8 +31,9 @@ from common.link_messages import MAX_WINDOW
 from common.words import how_to_install
 from shore.link.link import Link
 from shore.link.transport import LinkKeys
-from shore.live.run import LiveRun, Options, Tally
+from shore.live.run import LiveRun, Options
 from shore.live.stop_flag import StopFlag
+from shore.live.tally import Tally
 from shore.logbook.log_reader import read_log
 from shore.replay.frames import logged_config
 from shore.report.score import score_of

@@ -15,7 +15,8 @@ from shore.terminal import add_json, finish, say, tell
 
 if TYPE_CHECKING:
     from shore.link.known_boats import Boats
-    from shore.live.run import LiveRun, Options, Tally
+    from shore.live.run import LiveRun, Options
+    from shore.live.tally import Tally
 
 WAIT_S: Final = 30.0
 """Time-out of one greeting with --wait, s: over a bad radio it takes long."""

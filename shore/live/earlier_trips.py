@@ -29,6 +29,8 @@ class EarlierTrips:
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        self._logs = {path.name for path in directory.glob("*.mcap")}
+        """Names of the logs that were there at the begin."""
         self._writers: dict[str, LogWriter] = {}
         self._greeting: dict[str, Any] | None = None
         """The board's last greeting, as a log keeps it: in it stand the starts whose frames come."""
@@ -50,12 +52,14 @@ class EarlierTrips:
                 writer.write_session(self._greeting, arrival.log_time_ns)
         LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
 
-    def drop_gone(self) -> list[str]:
-        """Give up the logs that were removed while they were written; returns the trips they were of."""
-        gone = [trip for trip, writer in self._writers.items() if writer.is_gone]
+    def drop_gone(self) -> set[str]:
+        """Give up the logs that were removed while they were written; returns the trips whose frames are gone."""
+        gone = {trip for trip, writer in self._writers.items() if writer.is_gone}
         for trip in gone:
             self._writers.pop(trip).abandon()
-        return gone
+        removed = {name for name in self._logs if not (self._directory / name).exists()}
+        self._logs -= removed
+        return gone | removed
 
     def flush(self) -> list[int]:
         """What came so far is the system's; the descriptors to be synced. Raises WayfixError."""

@@ -62,13 +62,15 @@ class LiveLog(LogWatcher):
         """True when the log or its directory was removed or moved while it is written."""
         return self._recorder.is_gone
 
-    def begin_again(self, start: Start, t_ns: int) -> list[str]:
-        """Begin another log in place of one that is gone; returns the earlier trips whose late frames are gone too.
+    def begin_again(self, start: Start, t_ns: int) -> set[str]:
+        """Begin another log in place of one that is gone; returns the earlier trips of which frames are gone too.
 
         There is no checkpoint before the ledger has forgotten these trips: it would claim frames that no log holds.
         """
-        gone = self._earlier.drop_gone() if self._earlier is not None else []
         self._recorder.begin_again()
+        if self._earlier is None or self.fault is not None:
+            return set()
+        gone = self._earlier.drop_gone()
         if (cursor := self._cursor) is not None:
             self._recorder.write(lambda _own: cursor.claim())
         super().begin(start, t_ns)

@@ -25,8 +25,9 @@ from shore.live.busy_watch import BusyWatch
 from shore.live.cursor import Cursor
 from shore.live.link_loss import LinkLoss
 from shore.live.log import LiveLog
+from shore.live.tally import Tally
 from shore.logbook.greetings import greeted_record
-from shore.logbook.holes import Holes, count_listed
+from shore.logbook.holes import count_listed
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
@@ -53,30 +54,6 @@ class Options:
     """Time-out of the greeting, s."""
     until_end: bool = False
     """True = the run is over when the daemon stops (a demo); False = the station waits for it to come back."""
-
-
-@dataclass(slots=True)
-class Tally:
-    """What became of the frames."""
-
-    received: int = 0
-    missing: int = 0
-    """Number of frames that were asked for and are not here."""
-    lost: int = 0
-    """Number of frames that this run found to be lost: the boat does not hold them, or does not list them."""
-    not_stored: int = 0
-    """Number of frames that came when the log had ended."""
-    repeated: int = 0
-    """Number of frames that came once more and were left out."""
-    bad: int = 0
-    sent: int | None = None
-    """Number of frames sent, as the board's `end` gives it; None = no end was received."""
-    end_reason: str | None = None
-
-    @property
-    def holes(self) -> Holes:
-        """What is not here, or not in the log, and why."""
-        return Holes(self.missing, self.lost, self.not_stored)
 
 
 class LiveRun:
@@ -307,9 +284,10 @@ class LiveRun:
         before, now_ns = str(self._log.path), time.time_ns()
         record = {**self._start.record, "options": {**self._start.options, "begun_again": Path(before).name}}
         gone = self._log.begin_again(Start(record, self._config), now_ns)
-        self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
         if self.log_fault is not None:
             return
+        self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
+        self.tally.not_stored = 0  # they come once more
         self._happened(event("log-gone", self._t_ns, "log", file=before, new=str(self._log.path)), now_ns)
         if self._trip is None or self._log.path is None:
             return

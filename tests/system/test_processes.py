@@ -110,7 +110,7 @@ def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
         done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == 1, done.stderr
         result = json.loads(done.stdout.splitlines()[-1])
-        assert result["frames"] == {"received": 60, "missing": 0}
+        assert result["frames"] == {"received": 60, "missing": 0, "lost": 0}
         assert "cannot be written any further" in result["log_fault"]
         assert done.stderr.count("the run goes on without a log") == 1
         assert "NO LOG | " in done.stderr
