@@ -95,7 +95,7 @@ EVENTS: Final[dict[str, EventKind]] = {
     ),
     "starts-lost": EventKind(
         "warning",
-        "{reason}: their {count} frames are lost",
+        "{reason}; frames that are lost: {count}",
         "look why the daemon starts so often (`journalctl -u wayfix-onboard`); `wayfix-onboard spool export` has them",
         side=STATION,
     ),

@@ -172,7 +172,7 @@ class LiveRun:
         self._has_newest = False
 
     def _tell_lost(self) -> None:
-        """Say which starts cannot be asked for: the greeting keeps quiet of them, or the ledger has forgotten them."""
+        """Say which starts cannot be asked for: forgotten by spool or ledger, or not in the greeting."""
         starts, unlisted = self._connected.get("unlisted") or (0, 0)
         for count, reason in (
             (unlisted * self._wants_older, f"the boat holds {starts} more starts of its daemon than it lists"),
@@ -181,6 +181,9 @@ class LiveRun:
             if count:
                 self.tally.lost += count
                 self._happened(event("starts-lost", self._t_ns, "link", reason=reason, count=count))
+        if self._wants_older and not starts:
+            reason = "the boat holds no start of its daemon that this station knows"
+            self._happened(event("starts-lost", self._t_ns, "link", reason=reason, count="nobody knows how many"))
 
     def _wants(self) -> Wants:
         """What the link's next lease asks for."""

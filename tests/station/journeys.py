@@ -42,9 +42,9 @@ class Board:
 
     def restart(self, start_no: int | None = None) -> None:
         """The daemon is started, on the same clock. start_no: what its counter says, where it does not go on."""
-        self.boot_id = f"{len(self.made) + 1:016x}"
+        self.boot_id = f"{len(self.numbers) + 1:016x}"
         self.made[self.boot_id] = []
-        self.numbers[self.boot_id] = len(self.made) if start_no is None else start_no
+        self.numbers[self.boot_id] = len(self.numbers) + 1 if start_no is None else start_no
 
     def reboot(self, start_no: int | None = None) -> None:
         """The board itself is started: its clock begins again."""

@@ -212,11 +212,28 @@ def test_more_starts_than_a_greeting_lists_are_said(
         board.make(3)
         board.restart()
     monkeypatch.setattr("tests.station.journeys.MOST_RUNS", 5)
-    _, said = session(tmp_path, board, 2.0)
-    (told,) = [line for line in said if "more starts of its daemon" in line]
-    assert "the boat holds 8 more starts of its daemon than it lists: their 34 frames are lost" in told
+    run, said = session(tmp_path, board, 2.0)
+    (told,) = [line for line in said if "frames that are lost" in line]
+    assert "the boat holds 8 more starts of its daemon than it lists; frames that are lost: 34" in told
+    assert run.tally.holes.lost == 34
     _, said = session(tmp_path, board, 2.0)
     assert not any("more starts" in line for line in said), "these starts are known now"
+
+
+def test_a_board_that_holds_nothing_that_this_station_knows_has_lost_frames(tmp_path: Path, board: Board) -> None:
+    """Its spool was removed, or has rolled on for weeks: which frames came after the last one that is known, if any?"""
+    session(tmp_path, board, 1.0)
+    known = board.boot_id
+    board.restart()
+    board.make(20)
+    _, said = session(tmp_path, board, 1.0)
+    assert not any("frames that are lost" in line for line in said)
+    for name in (known, board.boot_id):
+        del board.made[name]
+    board.restart()
+    _, said = session(tmp_path, board, 1.0)
+    (told,) = [line for line in said if "frames that are lost" in line]
+    assert "no start of its daemon that this station knows; frames that are lost: nobody knows how many" in told
 
 
 def test_a_start_that_is_not_remembered_any_more_counts_as_lost() -> None:
