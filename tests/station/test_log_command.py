@@ -108,7 +108,7 @@ def test_info_of_a_damaged_log_says_so(tmp_path: Path, capsys: pytest.CaptureFix
     assert wayfix_log("info", path) == 0
     said = capsys.readouterr().out
     assert "31 records lost from 2026-11-18 11:06:42.100 UTC" in " ".join(said.split())
-    assert "90; 10 frames are not stored: the log had ended, or its file lost them" in said
+    assert "90; 10 frames are not stored: the log had ended, or its file lost them" in " ".join(said.split())
 
 
 def test_info_of_a_log_of_another_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
