@@ -105,12 +105,24 @@ class Ledger:
         return tuple(islice(self.all_missing(), limit))
 
     def begin_trip(self, boot_id: str, next_seq: int, name: str) -> None:
-        """The station joined this start for the trip `name`, or came back to it; its next frame is `next_seq`."""
+        """The station joined this start for the trip `name`, or came back to it; its next frame is `next_seq`.
+
+        The first trip that is known has whatever was made before it, too.
+        """
         start = self._starts[boot_id]
+        if not self.trips:
+            oldest = next(iter(self._starts.values()))
+            oldest.trips.append((oldest.first, name))
         if not start.trips:
             start.trips.append((start.first, name))
         elif start.trips[-1][1] != name:
             start.trips.append((next_seq, name))
+
+    @property
+    def since(self) -> tuple[str, int] | None:
+        """Start and number of the first frame that is wanted, where the station met the boat; `None` = it has not."""
+        oldest = next(iter(self._starts.values()), None)
+        return None if oldest is None else (oldest.boot_id, oldest.first)
 
     @property
     def trips(self) -> set[str]:

@@ -1,11 +1,12 @@
 """Log of a live run: synced to the disk each second, with a checkpoint (the cursor) of the frames that it holds."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from common.errors import WayfixError
+from common.link_messages import FrameRange
 from shore.live.cursor import Cursor
 from shore.live.earlier_trips import EarlierTrips
 from shore.logbook.background_writer import LogRecorder
@@ -75,6 +76,11 @@ class LiveLog(LogWatcher):
             self._recorder.write(lambda _own: cursor.claim())
         super().begin(start, t_ns)
         return gone
+
+    @property
+    def held_late(self) -> Iterable[FrameRange]:
+        """Frames of earlier trips that came in this session, and lie beside these."""
+        return () if self._earlier is None else self._earlier.held
 
     def complete(self, trip: str, arrival: Arrival) -> None:
         """Keep a frame of an earlier trip, the one whose log has this name."""

@@ -156,7 +156,8 @@ class LiveRun:
             "frames": options.frames,
             "period_s": options.period_s,
         }
-        self._start = Start(start_record(self._connected, asked, now_ns), self._config)
+        record = {**start_record(self._connected, asked, now_ns), "since": self._ledger.since}
+        self._start = Start(record, self._config)
         self._watchers.begin(self._start, now_ns)
 
     def _greet(self) -> None:
@@ -298,6 +299,8 @@ class LiveRun:
         self._trip = self._log.path.name
         for trip in (self._trip, *gone):
             self._ledger.forget_trip(trip)
+        for item in self._log.held_late:  # written since, before it was seen that their trip is gone
+            self._ledger.take(item.boot_id, item.first, item.last)
 
     def _each_second(self) -> None:
         if self._log.is_gone:
