@@ -6,7 +6,7 @@ board itself says: its greeting lists the starts it holds, the oldest first, its
 """
 
 from collections.abc import Iterable
-from functools import cmp_to_key
+from operator import attrgetter
 from typing import Any, NamedTuple, Self
 
 from common.messages import Frame
@@ -32,10 +32,24 @@ class StartOrder:
         self._ranks: dict[str, int] = {}
 
     def greeted(self, boot_ids: Iterable[str]) -> None:
-        """A greeting named these starts, the oldest first, the one that runs last. Others that are known are older."""
-        named = dict.fromkeys(boot_ids)
-        older = [boot_id for boot_id in self._ranks if boot_id not in named]
-        self._ranks = {boot_id: rank for rank, boot_id in enumerate((*older, *named))}
+        """A greeting named these starts, the oldest first, the one that runs last.
+
+        Others that are known stay behind the one that they followed, and are older than the one that runs.
+        """
+        *held, runs = dict.fromkeys(boot_ids) or (None,)
+        if runs is None:
+            return
+        order = dict.fromkeys(held)
+        behind: dict[str | None, list[str]] = {}
+        before = None
+        for boot_id in self._ranks:
+            if boot_id in order:
+                before = boot_id
+            elif boot_id != runs:
+                behind.setdefault(before, []).append(boot_id)
+        merged = (each for boot_id in (None, *held) for each in (boot_id, *behind.get(boot_id, ())))
+        ranked = (*(boot_id for boot_id in merged if boot_id is not None), runs)
+        self._ranks = {boot_id: rank for rank, boot_id in enumerate(ranked)}
 
     def is_before(self, start: BoatStart, other: BoatStart) -> bool:
         """True for a start that was over when `other` began."""
@@ -46,10 +60,13 @@ class StartOrder:
 
     def sorted(self, starts: Iterable[BoatStart]) -> list[BoatStart]:
         """The oldest first; starts of which none is before the other stay as they are."""
-        return sorted(starts, key=cmp_to_key(self._compared))
-
-    def _compared(self, start: BoatStart, other: BoatStart) -> int:
-        return self.is_before(other, start) - self.is_before(start, other)
+        given = sorted(starts, key=attrgetter("start_no"))
+        order = sorted((each for each in given if each.boot_id in self._ranks), key=lambda it: self._ranks[it.boot_id])
+        for start in given:
+            if start.boot_id not in self._ranks:
+                place = next((at for at, other in enumerate(order) if start.start_no < other.start_no), len(order))
+                order.insert(place, start)
+        return order
 
 
 def boots_named(runs: Any) -> tuple[str, ...]:

@@ -93,9 +93,9 @@ EVENTS: Final[dict[str, EventKind]] = {
         "give the board's [spool] more room, or a card that is faster",
         side=STATION,
     ),
-    "starts-unlisted": EventKind(
+    "starts-lost": EventKind(
         "warning",
-        "the boat holds {starts} more starts of its daemon than it lists: their {count} frames are not fetched",
+        "{reason}; frames that are lost: {count}",
         "look why the daemon starts so often (`journalctl -u wayfix-onboard`); `wayfix-onboard spool export` has them",
         side=STATION,
     ),

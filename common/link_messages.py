@@ -21,7 +21,6 @@ daemon or a restarted client heal by the next lease.
 """
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -50,6 +49,8 @@ MAX_MISSING: Final = 64
 """Most ranges in one lease."""
 MAX_RUNS: Final = 1000
 """Most starts of the daemon that one greeting lists, the newest; it counts the others."""
+MAX_SEQ: Final = 2**53
+"""Highest number of a frame."""
 MAX_CLOCK_RATE: Final = 1000.0
 """Most boat seconds in a real second, of a virtual boat."""
 MAX_ARGUMENT: Final = 500
@@ -153,7 +154,7 @@ def check_greeting(message: dict[str, Any]) -> None:
         if name not in message:
             raise CodecError(f"{name} is missing")
     _hex(message, "boot_id")
-    _whole(message, "next_seq", 0, _INT_HIGH)
+    _whole(message, "next_seq", 0, MAX_SEQ)
     if not isinstance(message["config"], dict):
         raise CodecError("config must be a map")
     runs, sensors, unlisted = message["runs"], message.get("sensors", []), message.get("unlisted", [0, 0])
@@ -162,8 +163,8 @@ def check_greeting(message: dict[str, Any]) -> None:
     for run in runs:
         fields = dict(zip(("boot_id", "start_no", "first_seq", "next_seq"), run, strict=True))
         _hex(fields, "boot_id")
-        for name in ("start_no", "first_seq", "next_seq"):
-            _whole(fields, name, 0, _INT_HIGH)
+        for name, most in (("start_no", _INT_HIGH), ("first_seq", MAX_SEQ), ("next_seq", MAX_SEQ)):
+            _whole(fields, name, 0, most)
     if not isinstance(sensors, list) or not all(isinstance(sensor, dict) for sensor in sensors):
         raise CodecError("sensors must be a list of maps")
     rate = message.get("clock_rate", 1.0)
@@ -179,7 +180,7 @@ def check_end(message: dict[str, Any]) -> None:
     """The fields of an `end` message; raises CodecError that names the one at fault."""
     for name in ("sent", "next_seq"):
         if message.get(name) is not None:
-            _whole(message, name, 0, _INT_HIGH)
+            _whole(message, name, 0, MAX_SEQ)
     if not isinstance(message.get("reason", ""), str):
         raise CodecError("reason must be a text")
 
@@ -189,8 +190,10 @@ def command_id(message: dict[str, Any]) -> int:
     return 0 if message.get("id") is None else _whole(message, "id", 0, _INT_HIGH)
 
 
-def frame_ranges(items: Sequence[Any]) -> list[FrameRange]:
+def frame_ranges(items: Any) -> list[FrameRange]:
     """[[boot_id, first, last], ...] checked; raises CodecError."""
+    if not isinstance(items, list):
+        raise CodecError("ranges must be a list")
     ranges = []
     for item in items:
         if not isinstance(item, list) or len(item) != 3:

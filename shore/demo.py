@@ -32,7 +32,9 @@ from common.units import NS_PER_S
 from common.words import how_to_install
 from shore.link.link import Link
 from shore.link.transport import LinkKeys
-from shore.live.run import LiveRun, Options, StopFlag, Tally
+from shore.live.run import LiveRun, Options
+from shore.live.stop_flag import StopFlag
+from shore.live.tally import Tally
 from shore.logbook.log_reader import read_log
 from shore.replay.frames import logged_config
 from shore.report.score import score_of
@@ -201,7 +203,7 @@ class Demo:
                         child.terminate()
         if self.dead is not None:
             raise self.dead
-        counts = {"sent": tally.sent, "received": tally.received, "lost": tally.missing}
+        counts = {"sent": tally.sent, "received": tally.received, "lost": tally.missing + tally.lost}
         if self._stop():
             return {"frames": counts, "log": str(log_path)}
         if tally.sent is None:

@@ -59,6 +59,8 @@ class Search:
     def __init__(self, limit_s: float = LIMIT_S) -> None:
         self.limit_s = limit_s
         self.found: Candidate | None = None
+        self._untried: set[str] = set()
+        """Addresses beyond the most that are tried."""
         self._tried: dict[str, tuple[Candidate, str | None]] = {}
         """Addresses by endpoint: the first source of each, and why our boat is not there (None = no answer yet)."""
         self._sources: dict[str, str | None] = {}
@@ -80,7 +82,10 @@ class Search:
         except WayfixError as error:
             self._tried[candidate.address] = candidate, error.what
             return False
-        if self.found is not None or place in self._tried or len(self._tried) >= MAX_CANDIDATES:
+        if self.found is not None or place in self._tried:
+            return False
+        if len(self._tried) >= MAX_CANDIDATES:
+            self._untried.add(place)
             return False
         self._tried[place] = candidate, None
         return True
@@ -108,6 +113,8 @@ class Search:
         for source, why in self._sources.items():
             if why or (why is None and not is_announced):
                 tried.append(f"{source} ({why or 'no boat announces itself'})")
+        if self._untried:
+            tried.append(f"and not tried, since these are {MAX_CANDIDATES}: {len(self._untried)} more")
         cure = "join the boat's Wi-Fi, or give its address"
         return NoAnswerError(f"no boat was found within {self.limit_s:g} s; tried: {', '.join(tried)}", "", cure)
 

@@ -17,8 +17,8 @@ from common.seqset import SeqSet
 
 MAX_STARTS: Final = 2000
 """Most starts of the daemon that are remembered. What the oldest beyond them lacks counts as lost."""
-MAX_LACKS: Final = 1000
-"""Most ranges that a log says it lacks."""
+MAX_RANGES: Final = 1000
+"""Most ranges of missing, and of lost, frames that a log lists; it counts the frames of the others."""
 
 
 @dataclass(slots=True)
@@ -43,9 +43,9 @@ class StartLedger:
 class Ledger:
     """Starts of the daemon in their order."""
 
-    def __init__(self, starts: Iterable[StartLedger] = ()) -> None:
+    def __init__(self, starts: Iterable[StartLedger] = (), forgotten: int = 0) -> None:
         self._starts = {start.boot_id: start for start in starts}
-        self._forgotten = 0
+        self.forgotten = forgotten
         """Number of frames that starts lacked which are not remembered any more."""
         self._running: str | None = None
         """The start that greeted last."""
@@ -73,7 +73,7 @@ class Ledger:
         own.upto = max(own.upto, next_seq)
         while len(self._starts) > MAX_STARTS:
             oldest = self._starts.pop(next(iter(self._starts)))
-            self._forgotten += len(oldest.gone) + sum(last - first + 1 for first, last in oldest.missing())
+            self.forgotten += len(oldest.gone) + sum(last - first + 1 for first, last in oldest.missing())
         return known is None and not is_new_here
 
     def take(self, boot_id: str, first: int, last: int) -> bool:
@@ -105,12 +105,29 @@ class Ledger:
         return tuple(islice(self.all_missing(), limit))
 
     def begin_trip(self, boot_id: str, next_seq: int, name: str) -> None:
-        """The station joined this start for the trip `name`, or came back to it; its next frame is `next_seq`."""
+        """The station joined this start for the trip `name`, or came back to it; its next frame is `next_seq`.
+
+        The first trip that is known has whatever was made before it, too.
+        """
         start = self._starts[boot_id]
+        if not self.trips:
+            oldest = next(iter(self._starts.values()))
+            oldest.trips.append((oldest.first, name))
         if not start.trips:
             start.trips.append((start.first, name))
         elif start.trips[-1][1] != name:
             start.trips.append((next_seq, name))
+
+    @property
+    def since(self) -> tuple[str, int] | None:
+        """Start and number of the first frame that is wanted, where the station met the boat; `None` = it has not."""
+        oldest = next(iter(self._starts.values()), None)
+        return None if oldest is None else (oldest.boot_id, oldest.first)
+
+    @property
+    def trips(self) -> set[str]:
+        """Names of the logs of the trips that it knows."""
+        return {name for start in self._starts.values() for _, name in start.trips}
 
     def rename_trip(self, before: str, name: str) -> None:
         """The log of a trip has another name now."""
@@ -129,14 +146,26 @@ class Ledger:
 
     def missing_of(self, name: str) -> Iterator[FrameRange]:
         """What a trip lacks still."""
-        for item in self.all_missing():
+        return self._of_trip(name, self.all_missing())
+
+    def holes_of(self, name: str) -> dict[str, Any]:
+        """What a trip lacks still and what of it is lost, for the records of its log: [boot_id, first, last] each.
+
+        Beyond the oldest ranges the frames are counted.
+        """
+        gone = (FrameRange(start.boot_id, *seqs) for start in self._starts.values() for seqs in start.gone)
+        record: dict[str, Any] = {}
+        for word, ranges in (("lacks", self.missing_of(name)), ("lost", self._of_trip(name, gone))):
+            record[word] = [[item.boot_id, item.first, item.last] for item in islice(ranges, MAX_RANGES)]
+            if more := sum(item.last - item.first + 1 for item in ranges):
+                record[f"{word}_more"] = more
+        return record
+
+    def _of_trip(self, name: str, ranges: Iterable[FrameRange]) -> Iterator[FrameRange]:
+        for item in ranges:
             for first, last in self._parts(self._starts[item.boot_id], item.first, item.last):
                 if self.trip_of(item.boot_id, first) == name:
                     yield FrameRange(item.boot_id, first, last)
-
-    def lacks_of(self, name: str) -> list[list[Any]]:
-        """The oldest ranges that a trip lacks still, for the records of its log: [boot_id, first, last] each."""
-        return [[item.boot_id, item.first, item.last] for item in islice(self.missing_of(name), MAX_LACKS)]
 
     def forget_trip(self, name: str) -> None:
         """Its log is gone: its frames are wanted once more."""
@@ -169,7 +198,7 @@ class Ledger:
     @property
     def gone_count(self) -> int:
         """Number of frames that are lost for good."""
-        return self._forgotten + sum(len(start.gone) for start in self._starts.values())
+        return self.forgotten + sum(len(start.gone) for start in self._starts.values())
 
     def all_missing(self) -> Iterator[FrameRange]:
         """Every missing range, oldest first."""

@@ -15,7 +15,8 @@ from shore.terminal import add_json, finish, say, tell
 
 if TYPE_CHECKING:
     from shore.link.known_boats import Boats
-    from shore.live.run import LiveRun, Options, Tally
+    from shore.live.run import LiveRun, Options
+    from shore.live.tally import Tally
 
 WAIT_S: Final = 30.0
 """Time-out of one greeting with --wait, s: over a bad radio it takes long."""
@@ -51,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run a live session. Exit code 1 = fewer frames than asked for, or a log that ended before the run."""
+    """Run a live session. Exit code 1 = fewer frames than asked for, lost frames, a log that ended before the run."""
     from shore.link.known_boats import Boats
 
     options = _options(arguments)
@@ -67,7 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -> int:
     from shore.live.earlier_trips import complete_trips
-    from shore.live.run import LiveRun, StopFlag
+    from shore.live.run import LiveRun
+    from shore.live.stop_flag import StopFlag
 
     address, boat = meet(arguments, boats)
     link = link_to(address, boat, boats)
@@ -89,7 +91,9 @@ def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -
     for line in live.account.lines():
         tell(line)
     tell(_log_line(live))
-    counts = {"received": tally.received, "missing": tally.missing}
+    for hole in tally.holes.sentences():
+        tell(f"frames  {hole}")
+    counts = {"received": tally.received, "missing": tally.missing, "lost": tally.lost}
     fault = None if live.log_fault is None else str(live.log_fault)
     if fault is not None:
         say(f"the log ended before the run: {fault}; the next `wayfix connect` fetches what it lacks")
@@ -99,12 +103,8 @@ def _joined(arguments: argparse.Namespace, options: "Options", boats: "Boats") -
 
 
 def _log_line(live: "LiveRun") -> str:
-    """Where the log is, and what it lacks still."""
-    if live.log_path is None:
-        return "log     none was kept (--log DIR keeps one)"
-    missing = live.tally.missing
-    still = f"; {counted(missing, 'frame')} had not come, the next `wayfix connect` fetches them" if missing else ""
-    return f"log     {live.log_path}{still}"
+    """Where the log is."""
+    return "log     none was kept (--log DIR keeps one)" if live.log_path is None else f"log     {live.log_path}"
 
 
 def _options(arguments: argparse.Namespace) -> "Options":
@@ -131,4 +131,4 @@ def _exit_code(tally: "Tally", options: "Options", *, is_stopped: bool) -> int:
     if options.frames is not None and tally.received < options.frames and not is_stopped:
         say(f"only {tally.received} of {counted(options.frames, 'frame')} were received")
         return 1
-    return 0
+    return int(tally.holes.for_good)

@@ -4,12 +4,14 @@ Whose trip a frame is the ledger decides (`shore/link/frame_ledger.py`). What is
 screen into `<trip>-late.mcap`, a log like any other. Where the program dies, the next session finds it there.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from common.errors import WayfixError
+from common.link_messages import FrameRange
+from common.seqset import SeqSet
 from common.words import counted
 from shore.logbook.lock import is_being_written, turn_in
 from shore.logbook.log_reader import late_logs, read_log
@@ -29,7 +31,20 @@ class EarlierTrips:
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        self._logs = {path.name: path.name for path in directory.glob("*.mcap")}
+        """The trip of each log that was there at the begin, by the log's name."""
+        self._logs |= {late.name: trip.name for trip, late in late_logs(directory)}
         self._writers: dict[str, LogWriter] = {}
+        self._took: dict[str, dict[str, SeqSet]] = {}
+        """Numbers of the frames in each log that is written, by trip and boot_id."""
+        self._greeting: dict[str, Any] | None = None
+        """The board's last greeting, as a log keeps it: in it stand the starts whose frames come."""
+
+    def greeted(self, record: dict[str, Any], t_ns: int) -> None:
+        """The board greeted (`greeted_record`). Raises WayfixError."""
+        self._greeting = record
+        for writer in self._writers.values():
+            writer.write_session(record, t_ns)
 
     def take(self, trip: str, arrival: Arrival) -> None:
         """Keep a frame of the trip whose log has this name. Raises WayfixError."""
@@ -38,23 +53,35 @@ class EarlierTrips:
             log = self._directory / trip
             start = _start_of(log) or arrival.start.record
             writer = self._writers[trip] = late_log(log, start, arrival.log_time_ns)
+            if self._greeting is not None:
+                writer.write_session(self._greeting, arrival.log_time_ns)
         LogWatcher(lambda action: action(writer)).take(Step.of(arrival, Output()))
+        frame = arrival.frame
+        self._took.setdefault(trip, {}).setdefault(frame.boot_id, SeqSet()).add(frame.first, frame.seq)
 
-    def drop_gone(self) -> list[str]:
-        """Give up the logs that were removed while they were written; returns the trips they were of."""
-        gone = [trip for trip, writer in self._writers.items() if writer.is_gone]
+    def drop_gone(self) -> set[str]:
+        """Give up the logs that were removed while they were written; returns the trips whose frames are gone."""
+        gone = {trip for trip, writer in self._writers.items() if writer.is_gone}
         for trip in gone:
             self._writers.pop(trip).abandon()
-        return gone
+            self._took.pop(trip, None)
+        removed = [name for name in self._logs if not (self._directory / name).exists()]
+        return gone.union(self._logs.pop(name) for name in removed)
+
+    @property
+    def held(self) -> Iterator[FrameRange]:
+        """The frames in the logs that are written."""
+        for starts in self._took.values():
+            yield from (FrameRange(boot_id, *seqs) for boot_id, took in starts.items() for seqs in took)
 
     def flush(self) -> list[int]:
         """What came so far is the system's; the descriptors to be synced. Raises WayfixError."""
         return [writer.flush() for writer in self._writers.values()]
 
-    def end(self, lacks_of: Callable[[str], list[list[object]]], t_ns: int) -> None:
-        """End the logs with what each trip lacks still. Raises WayfixError."""
+    def end(self, holes_of: Callable[[str], dict[str, Any]], t_ns: int) -> None:
+        """End the logs with what each trip lacks still and what of it is lost. Raises WayfixError."""
         for trip, writer in self._writers.items():
-            writer.write_session({"kind": "end", "lacks": lacks_of(trip)}, t_ns)
+            writer.write_session({"kind": "end", **holes_of(trip)}, t_ns)
             writer.close()
         self._writers.clear()
 

@@ -1,12 +1,13 @@
 """Ledger rebuilt from logs (recovery of a lost checkpoint): which frames of a boat the logs of a directory hold."""
 
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from common.errors import WayfixError
 from common.words import counted
-from shore.link.frame_ledger import Ledger
+from shore.link.frame_ledger import Ledger, StartLedger
 from shore.logbook.log_reader import LogReader, read_log
 from shore.logbook.missing_frames import light_frame
 from shore.logbook.schemas import FRAMES, LATE_OF, SESSION
@@ -20,19 +21,22 @@ class _Log(NamedTuple):
     trip: str
     """Name of the log of the trip: another one for what came late."""
     connected: dict[str, Any]
+    since: StartLedger | None
+    """Where the station met the boat, of which no frame has come yet; `None` = the log does not say it."""
 
 
 def ledger_from_logs(directory: Path, boat_id: str, say: Callable[[str], None]) -> Ledger | None:
     """The ledger that the logs of this boat make; `None` where there is no such log.
 
-    Each log says from which frame on its trip began, and holds the frames that came. A log that cannot be read is said,
-    and its frames are asked for once more.
+    Each log says where the station met the boat and from which frame on its trip began, and holds what came. A log that
+    cannot be read is said, and its frames are asked for once more.
     """
-    logs = sorted(log for path in directory.glob("*.mcap") if (log := _log_of(path, boat_id)) is not None)
+    found = [log for path in directory.glob("*.mcap") if (log := _log_of(path, boat_id)) is not None]
+    logs = sorted(found, key=attrgetter("began_ns", "path"))
     if not logs:
         return None
     say(f"{directory}: reading {counted(len(logs), 'log')} of this boat, to know which frames are here")
-    ledger = Ledger()
+    ledger = Ledger(log.since for log in logs[:1] if log.since is not None)
     for log in logs:
         if log.path.name == log.trip:
             _greet(ledger, log.connected, log.trip)
@@ -42,6 +46,13 @@ def ledger_from_logs(directory: Path, boat_id: str, say: Callable[[str], None]) 
         except WayfixError as error:
             say(f"frames that this log may hold are asked for once more: {error}")
     return ledger
+
+
+def unknown_trips(directory: Path, boat_id: str, known: set[str]) -> set[str]:
+    """Names of the logs of this boat's trips in a directory that are not among these; late frames are no trip."""
+    others = (path for path in directory.glob("*.mcap") if path.name not in known)
+    logs = (log for path in others if (log := _log_of(path, boat_id)) is not None)
+    return {log.trip for log in logs if log.path.name == log.trip}
 
 
 def take_frames(ledger: Ledger, log: Path, since_ns: int, boat_id: str) -> int:
@@ -77,7 +88,11 @@ def _log_of(path: Path, boat_id: str) -> _Log | None:
     is_of_boat = (connected.get("config") or {}).get("boat", {}).get("id") == boat_id
     if not is_of_boat or options.get("frames") is not None or "replayed_from" in options or "file" in connected:
         return None
-    return _Log(record.log_time_ns, path, str(start.get(LATE_OF, path.name)), connected)
+    trip = str(start.get(LATE_OF, path.name))
+    match start.get("since"):
+        case [str(boot_id), int(first)] if first >= 0:
+            return _Log(record.log_time_ns, path, trip, connected, StartLedger(boot_id, first, first))
+    return _Log(record.log_time_ns, path, trip, connected, None)
 
 
 def _greet(ledger: Ledger, connected: dict[str, Any], trip: str) -> None:

@@ -1,14 +1,17 @@
 """Log of a live run: synced to the disk each second, with a checkpoint (the cursor) of the frames that it holds."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from common.errors import WayfixError
+from common.link_messages import FrameRange
 from shore.live.cursor import Cursor
 from shore.live.earlier_trips import EarlierTrips
 from shore.logbook.background_writer import LogRecorder
+from shore.logbook.greetings import GREETED, greeted_record
+from shore.logbook.schemas import SESSION
 from shore.watchers.log import LogWatcher
 from shore.watchers.watcher import Arrival, Start
 
@@ -42,24 +45,42 @@ class LiveLog(LogWatcher):
     def begin(self, start: Start, t_ns: int) -> None:
         """Write the session record and the first checkpoint."""
         super().begin(start, t_ns)
+        self._greeted(greeted_record(start.record["connected"]), t_ns)
         self.checkpoint()
+
+    def note(self, topic: str, record: dict[str, Any], t_ns: int) -> None:
+        """Write a record; a greeting of the board also beside the frames of earlier trips."""
+        super().note(topic, record, t_ns)
+        if topic == SESSION and record.get("kind") == GREETED:
+            self._greeted(record, t_ns)
+
+    def _greeted(self, record: dict[str, Any], t_ns: int) -> None:
+        if (earlier := self._earlier) is not None:
+            self._recorder.write(lambda _own: earlier.greeted(record, t_ns))
 
     @property
     def is_gone(self) -> bool:
         """True when the log or its directory was removed or moved while it is written."""
         return self._recorder.is_gone
 
-    def begin_again(self, start: Start, t_ns: int) -> list[str]:
-        """Begin another log in place of one that is gone; returns the earlier trips whose late frames are gone too.
+    def begin_again(self, start: Start, t_ns: int) -> set[str]:
+        """Begin another log in place of one that is gone; returns the earlier trips of which frames are gone too.
 
         There is no checkpoint before the ledger has forgotten these trips: it would claim frames that no log holds.
         """
-        gone = self._earlier.drop_gone() if self._earlier is not None else []
         self._recorder.begin_again()
+        if self._earlier is None or self.fault is not None:
+            return set()
+        gone = self._earlier.drop_gone()
         if (cursor := self._cursor) is not None:
             self._recorder.write(lambda _own: cursor.claim())
         super().begin(start, t_ns)
         return gone
+
+    @property
+    def held_late(self) -> Iterable[FrameRange]:
+        """Frames of earlier trips that came in this session, and lie beside these."""
+        return () if self._earlier is None else self._earlier.held
 
     def complete(self, trip: str, arrival: Arrival) -> None:
         """Keep a frame of an earlier trip, the one whose log has this name."""
@@ -70,7 +91,7 @@ class LiveLog(LogWatcher):
         """Write the `end` record, wait for the disk, and close."""
         super().end(tally, t_ns)
         if (earlier := self._earlier) is not None and (cursor := self._cursor) is not None:
-            self._recorder.write(lambda _own: earlier.end(cursor.ledger.lacks_of, t_ns))
+            self._recorder.write(lambda _own: earlier.end(cursor.ledger.holes_of, t_ns))
         if (names := self._recorder.name_by_boat()) is not None:
             self._say(f"this station's clock is not the boat's UTC: the log is {names[1]}")
             if self._cursor is not None:  # it is written before the log has that name: whatever happens, it says enough

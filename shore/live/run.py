@@ -1,10 +1,8 @@
 """Live run, a source of steps: link -> pipeline -> watchers (log, events, status line)."""
 
 import logging
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,12 +19,15 @@ from common.settings import convert
 from common.units import NS_PER_MS, NS_PER_S
 from shore.link.catching_up import Backfill
 from shore.link.choose_boat import Seeker
-from shore.link.frame_ledger import Ledger
+from shore.link.frame_ledger import MAX_STARTS, Ledger
 from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
+from shore.live.busy_watch import BusyWatch
 from shore.live.cursor import Cursor
 from shore.live.link_loss import LinkLoss
 from shore.live.log import LiveLog
+from shore.live.tally import Tally
 from shore.logbook.greetings import greeted_record
+from shore.logbook.holes import count_listed
 from shore.logbook.schemas import LINK, SESSION
 from shore.logbook.session import start_record
 from shore.pipeline import Output, Pipeline
@@ -34,7 +35,7 @@ from shore.settings.station import DEFAULTS, StationSettings
 from shore.watchers.account import RunAccount
 from shore.watchers.say import SayEvents
 from shore.watchers.status import StatusLine
-from shore.watchers.watcher import Arrival, RunSeconds, SourceState, Start, Step, Watchers
+from shore.watchers.watcher import Arrival, BoardNow, RunSeconds, SourceState, Start, Step, Watchers
 
 log = logging.getLogger(__name__)
 
@@ -53,46 +54,6 @@ class Options:
     """Time-out of the greeting, s."""
     until_end: bool = False
     """True = the run is over when the daemon stops (a demo); False = the station waits for it to come back."""
-
-
-@dataclass(slots=True)
-class Tally:
-    """What became of the frames."""
-
-    received: int = 0
-    missing: int = 0
-    """Number of frames that were asked for and are not here, or that the boat does not hold any more."""
-    repeated: int = 0
-    """Number of frames that came once more and were left out."""
-    bad: int = 0
-    sent: int | None = None
-    """Number of frames sent, as the board's `end` gives it; None = no end was received."""
-    end_reason: str | None = None
-
-
-class StopFlag:
-    """Set by Ctrl-C and SIGTERM; asked between frames, so that the log is always closed."""
-
-    def __init__(self) -> None:
-        self.reason: str | None = None
-
-    def __call__(self) -> bool:
-        """True once a signal came."""
-        return self.reason is not None
-
-    @contextmanager
-    def on_signals(self) -> Iterator["StopFlag"]:
-        """Catch SIGINT, SIGTERM and a closed terminal (SIGHUP) inside the block."""
-        handled = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        previous = {number: signal.signal(number, self._catch) for number in handled}
-        try:
-            yield self
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-
-    def _catch(self, number: int, _frame: object) -> None:
-        self.reason = signal.Signals(number).name
 
 
 class LiveRun:
@@ -155,24 +116,30 @@ class LiveRun:
 
     def run(self) -> Tally:
         """Run until the board's end, the number of frames asked for, or a stop. The log is closed in any case."""
-        next_second_ns = boottime_ns() + NS_PER_S
+        watch = BusyWatch(self._say)
         try:
             self._begin()
-            while not self._stopped() and not self._is_over:
-                received = self._receive()
-                if received is not None:
-                    self._handle(received)
-                if boottime_ns() >= next_second_ns:
-                    self._each_second()
-                    next_second_ns += NS_PER_S
-                    if next_second_ns < boottime_ns():  # late: what waits comes first
-                        next_second_ns = boottime_ns() + NS_PER_S
+            with watch.watching():
+                self._go_on(watch.beat)
         finally:
-            self.tally.missing = self.missing_count + self._ledger.gone_count
+            self.tally.missing = self.missing_count
             if self._options.frames is not None:
                 self.tally.missing = self._options.frames - self.tally.received
             self._watchers.end(self._end_record(), time.time_ns())
         return self.tally
+
+    def _go_on(self, beat: Callable[[], None]) -> None:
+        next_second_ns = boottime_ns() + NS_PER_S
+        while not self._stopped() and not self._is_over:
+            beat()
+            received = self._receive()
+            if received is not None:
+                self._handle(received)
+            if boottime_ns() >= next_second_ns:
+                self._each_second()
+                next_second_ns += NS_PER_S
+                if next_second_ns < boottime_ns():  # late: what waits comes first
+                    next_second_ns = boottime_ns() + NS_PER_S
 
     def _adopt(self, connected: dict[str, Any]) -> None:
         """Take the board's facts from its greeting; the filters start again."""
@@ -189,7 +156,8 @@ class LiveRun:
             "frames": options.frames,
             "period_s": options.period_s,
         }
-        self._start = Start(start_record(self._connected, asked, now_ns), self._config)
+        record = {**start_record(self._connected, asked, now_ns), "since": self._ledger.since}
+        self._start = Start(record, self._config)
         self._watchers.begin(self._start, now_ns)
 
     def _greet(self) -> None:
@@ -197,16 +165,26 @@ class LiveRun:
         runs = [(str(boot_id), int(first), int(upto)) for boot_id, _, first, upto in self._connected["runs"]]
         boot_id, next_seq = str(self._connected["boot_id"]), int(self._connected["next_seq"])
         self._starts.greeted(boots_named(self._connected["runs"]))
+        before = self._ledger.forgotten
         self._wants_older = self._ledger.greet(boot_id, next_seq, runs)
+        self._forgotten = self._ledger.forgotten - before
         if self._trip is not None:
             self._ledger.begin_trip(boot_id, next_seq, self._trip)
         self._has_newest = False
 
-    def _tell_unlisted(self) -> None:
-        """Say what the greeting keeps quiet of, where that is wanted."""
-        starts, count = self._connected.get("unlisted") or (0, 0)
-        if self._wants_older and starts:
-            self._happened(event("starts-unlisted", self.t_ns, "link", starts=starts, count=count))
+    def _tell_lost(self) -> None:
+        """Say which starts cannot be asked for: forgotten by spool or ledger, or not in the greeting."""
+        starts, unlisted = self._connected.get("unlisted") or (0, 0)
+        for count, reason in (
+            (unlisted * self._wants_older, f"the boat holds {starts} more starts of its daemon than it lists"),
+            (self._forgotten, f"this station has forgotten starts of the daemon before the newest {MAX_STARTS}"),
+        ):
+            if count:
+                self.tally.lost += count
+                self._happened(event("starts-lost", self.t_ns, "link", reason=reason, count=count))
+        if self._wants_older and not starts:
+            reason = "the boat holds no start of its daemon that this station knows"
+            self._happened(event("starts-lost", self.t_ns, "link", reason=reason, count="nobody knows how many"))
 
     def _wants(self) -> Wants:
         """What the link's next lease asks for."""
@@ -223,7 +201,7 @@ class LiveRun:
         self._begin_session()
         if (trip := self._options.trip) is not None:
             self._watchers.note(SESSION, trip, time.time_ns())
-        self._tell_unlisted()
+        self._tell_lost()
         for sensor in self._connected.get("sensors", []):
             reason = f": {sensor['reason']}" if sensor.get("reason") else ""
             self._say(f"{sensor.get('id')} {sensor.get('state')}{reason}")
@@ -245,6 +223,7 @@ class LiveRun:
             self._ended(received.end)
         for item in received.gone or ():
             if count := self._ledger.is_gone(item):
+                self.tally.lost += count
                 self._happened(event("frames-gone", self.t_ns, "link", count=count, seq=item.first))
 
     def _take(self, data: bytes) -> None:
@@ -262,6 +241,7 @@ class LiveRun:
             self._link.ask_soon()
         is_again = self._pipeline.has(frame)
         self.tally.received += not is_again
+        self.tally.not_stored += self.log_fault is not None
         self._next = frame.boot_id, frame.seq + 1
         self._has_newest = self._has_newest or self._ledger.is_newest(frame.boot_id, frame.seq)
         self._backfill.take(frame)
@@ -292,7 +272,7 @@ class LiveRun:
             self._begin_session()
             self._happened(event("config-changed", self.t_ns, "link"))
         self._greet()
-        self._tell_unlisted()
+        self._tell_lost()
 
     @property
     def t_ns(self) -> int:
@@ -308,9 +288,10 @@ class LiveRun:
         before, now_ns = str(self._log.path), time.time_ns()
         record = {**self._start.record, "options": {**self._start.options, "begun_again": Path(before).name}}
         gone = self._log.begin_again(Start(record, self._config), now_ns)
-        self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
         if self.log_fault is not None:
             return
+        self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
+        self.tally.not_stored = 0  # they come once more
         self._happened(event("log-gone", self.t_ns, "log", file=before, new=str(self._log.path)), now_ns)
         if self._trip is None or self._log.path is None:
             return
@@ -318,6 +299,8 @@ class LiveRun:
         self._trip = self._log.path.name
         for trip in (self._trip, *gone):
             self._ledger.forget_trip(trip)
+        for item in self._log.held_late:  # written since, before it was seen that their trip is gone
+            self._ledger.take(item.boot_id, item.first, item.last)
 
     def _each_second(self) -> None:
         if self._log.is_gone:
@@ -346,17 +329,28 @@ class LiveRun:
             self._say(f"the boat is at {address} now")
             self._link.move_to(address)
 
+    def _board_now(self, now_ns: int) -> BoardNow | None:
+        """The board's clock; one that a virtual board scales has not what round trips measure."""
+        clock_id, offset = self._connected.get("clock_id"), self._link.offset.at(now_ns)
+        if not isinstance(clock_id, str):
+            return None
+        is_scaled = self._connected.get("clock_rate", 1.0) != 1.0
+        return BoardNow(clock_id, None if offset is None or is_scaled else now_ns + offset.offset_ns - offset.bound_ns)
+
     def _state(self, lost_s: float | None) -> SourceState:
-        offset = self._link.offset.at(boottime_ns())
+        now_ns = boottime_ns()
+        offset = self._link.offset.at(now_ns)
         return SourceState(
             received=self.tally.received,
             missing=self.missing_count,
-            catching_up=self._backfill.missing(self._ledger.all_missing(), boottime_ns()),
-            gone=self._ledger.gone_count,
+            catching_up=self._backfill.missing(self._ledger.all_missing(), now_ns),
+            lost=self.tally.lost,
             lost_s=lost_s,
             refusal=None if lost_s is None else self._link.refusal,
             round_trip_ms=None if offset is None else 2 * offset.bound_ns / NS_PER_MS,
             has_log=self.log_fault is None,
+            not_stored=self.tally.not_stored,
+            board_now=self._board_now(now_ns),
         )
 
     def _ended(self, end: dict[str, Any]) -> None:
@@ -368,10 +362,12 @@ class LiveRun:
         if not self._is_over:
             self._say(f"{self.tally.end_reason}; waiting for it to come back")
 
-    def _lacks(self, trip: str) -> dict[str, Any]:
-        """What is still to come: of this trip, and how many frames of those before it."""
-        own = sum(item.last - item.first + 1 for item in self._ledger.missing_of(trip))
-        return {"lacks": self._ledger.lacks_of(trip), "lacking_before": self._ledger.missing_count - own}
+    def _holes_of(self, trip: str) -> dict[str, Any]:
+        """What of this trip is still to come and what is lost, and how many frames are of those before it."""
+        record = self._ledger.holes_of(trip)
+        missing, lost = (count_listed(record, word) for word in ("lacks", "lost"))
+        before = {"lacking_before": self._ledger.missing_count - missing, "lost_before": self.tally.lost - lost}
+        return {**record, **before}
 
     def _end_record(self) -> dict[str, Any]:
         tally = self.tally
@@ -381,7 +377,7 @@ class LiveRun:
             "clock_bound_ns": None if offset is None else offset.bound_ns,
             "received": tally.received,
             "missing": tally.missing,
-            **({} if self._trip is None else self._lacks(self._trip)),
+            **({} if self._trip is None else self._holes_of(self._trip)),
             "bad": tally.bad,
             "sent": tally.sent,
             "reason": tally.end_reason,

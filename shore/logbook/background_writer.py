@@ -23,6 +23,8 @@ class LogRecorder:
         """Why the log ended before the run; `None` while it has not."""
         self._say = say
         self._writer: LogWriter | None = None
+        self._failed: LogWriter | None = None
+        """The writer of the log that ended before the run."""
         self._worker = ThreadPoolExecutor(1, "log-sync")
         self._syncing: Future[None] | None = None
         self._since_ns = boottime_ns()
@@ -39,22 +41,30 @@ class LogRecorder:
 
     @property
     def is_gone(self) -> bool:
-        """True when what is written has no name any more: the log or its directory was removed or moved."""
-        return self._writer is not None and self._writer.is_gone
+        """True when what is, or was, written has no name any more: the log or its directory was removed or moved."""
+        writer = self._writer or self._failed
+        return writer is not None and writer.is_gone
 
     def begin_again(self) -> None:
-        """Begin another log in the directory of one that is gone; where that cannot be, the log ends."""
+        """Begin another log in the directory of one that is gone; where that cannot be, the log ends.
+
+        Of a log that has ended (a disk that was pulled out) that is tried without a word.
+        """
         assert self.path is not None
-        directory = self.path.parent
-
-        def begin(gone: LogWriter) -> None:
-            gone.abandon()
-            self._began_ns = time.time_ns()
-            self._writer = new_log(directory, self._boat_id, self._began_ns)
-            self.path = self._writer.path
-
         self.write(self._finish_sync)
-        self.write(begin)
+        began_ns = time.time_ns()
+        try:
+            writer = new_log(self.path.parent, self._boat_id, began_ns)
+        except WayfixError as error:
+            if self._writer is not None:
+                self._fail(error)
+            return
+        if self._writer is None:
+            self._worker = ThreadPoolExecutor(1, "log-sync")
+        else:
+            self._writer.abandon()
+        self._writer, self._failed, self.fault = writer, None, None
+        self._began_ns, self.path = began_ns, writer.path
 
     @property
     def behind_s(self) -> float:
@@ -70,9 +80,7 @@ class LogRecorder:
         try:
             action(self._writer)
         except WayfixError as error:
-            self.fault = error
-            self._say(f"error: log: {error}; the run goes on without a log")
-            self._end()
+            self._fail(error)
 
     def sync(self, then: Callable[[], Callable[[], None]] | None = None, *, wait: bool = False) -> None:
         """Put on the disk what is written so far.
@@ -97,7 +105,7 @@ class LogRecorder:
         """Wait for the disk and close the log; safe to call twice."""
         self.write(self._finish_sync)
         self.write(LogWriter.close)
-        self._writer = None
+        self._writer = self._failed = None
         self._worker.shutdown()
 
     def _sync(self, writer: LogWriter, then: Callable[[], Callable[[], None]] | None) -> None:
@@ -118,9 +126,11 @@ class LogRecorder:
             writer.guarded(self._syncing.result)
             self._syncing = None
 
-    def _end(self) -> None:
-        writer, self._writer = self._writer, None
+    def _fail(self, error: WayfixError) -> None:
+        self.fault = error
+        self._say(f"error: log: {error}; the run goes on without a log")
+        self._failed, self._writer, self._syncing = self._writer, None, None
         self._worker.shutdown()  # the file stays open while the worker uses it
-        if writer is not None:
+        if self._failed is not None:
             with suppress(WayfixError):
-                writer.close()
+                self._failed.close()

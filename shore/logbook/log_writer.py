@@ -64,6 +64,7 @@ class LogWriter:
         self.path = Path(os.fsdecode(file.name))
         """Path of the file while it grows, and after `close` the path where it stays."""
         self._final = final
+        self._identity = os.fstat(file.fileno())
         lock(file.fileno())
         self._writer = Writer(file, compression=CompressionType.ZSTD)
         self._channels: dict[str, int] = {}
@@ -85,7 +86,7 @@ class LogWriter:
     def is_gone(self) -> bool:
         """True when another file, or none, has the name by now: the log or its directory was removed or moved."""
         try:
-            return not os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
+            return not os.path.samestat(self.path.stat(), self._identity)
         except OSError:
             return True
 

@@ -1,12 +1,13 @@
 """Gap detection: which frames are missing from a log because the file lost them or the link never brought them."""
 
 from operator import itemgetter
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import msgpack
 
 from common.messages import UTC_SOURCES, Fix, Frame, Heading, SensorHealth
 from common.seqset import SeqSet
+from shore.logbook.holes import Holes
 
 _HEAD: Final = {
     "boat_id": str, "boot_id": str, "seq": int, "clock_id": str, "start_no": int, "t0_ns": int, "t1_ns": int,
@@ -17,13 +18,8 @@ _HEALTH_FIELDS: Final = ("sensor", "state", "reason", "accepted")
 _FIX_FIELDS: Final = ("lat_deg", "lon_deg", "fix_quality", "fix_mode", "status_valid", "held")
 
 
-class MissingFrames(NamedTuple):
-    """Counts of frames."""
-
-    in_file: int
-    """Number of frames in stretches that the file lost."""
-    on_link: int
-    """Number of frames that never came, or were sent before the station listened."""
+WORDS: Final = ("lacks", "lacks_more", "lost", "lost_more")
+"""Fields in which a log says which frames it lacks still, and which are lost (`Ledger.holes_of`)."""
 
 
 class Census:
@@ -36,8 +32,11 @@ class Census:
         self._seen: dict[str, SeqSet] = {}
         self._highest: dict[str, int] = {}
         self._is_after_loss: set[str] = set()
-        self._lacks: list[tuple[str, int, int]] = []
-        """What the station said that it lacked at the end of the trip: (boot_id, first, last)."""
+        self._said: dict[str, list[tuple[str, int, int]]] = {}
+        """What the station said at the end of the trip: (boot_id, first, last) of the frames that it `lacks`, and that
+        are `lost`."""
+        self._more = {"lacks": 0, "lost": 0}
+        """Number of frames beyond the ranges that it listed."""
         self._holes: dict[str, list[tuple[int, int]]] = {}
         """Ranges [first, last] of the frame numbers that are absent where the file lost something, by boot_id."""
 
@@ -60,9 +59,11 @@ class Census:
         self._begins[boot_id] = min(first, self._begins.get(boot_id, first))
         self._seen.setdefault(boot_id, SeqSet()).add(first, last)
 
-    def lacks(self, ranges: Any) -> None:
-        """Take what a station lacked when it wrote this, as [boot_id, first, last] each; the last word holds."""
-        self._lacks = [(str(boot_id), int(first), int(last)) for boot_id, first, last in ranges]
+    def ended(self, record: dict[str, Any]) -> None:
+        """Take the words of a station at the end of a session, where it gives them; the last ones hold."""
+        for word in {"lacks", "lost"} & record.keys():
+            self._said[word] = [(str(boot_id), int(first), int(last)) for boot_id, first, last in record[word]]
+            self._more[word] = int(record.get(f"{word}_more", 0))
 
     def holds(self, frame: Frame) -> bool:
         """True when the log has this frame."""
@@ -72,12 +73,13 @@ class Census:
         """The file lost something between the frame before and the next one."""
         self._is_after_loss |= set(self._begins)
 
-    def missing(self, lost_by_file: int | None) -> MissingFrames:
-        """How many frames are missing, and why. lost_by_file: as the log itself says, where it does."""
+    def holes(self, lost_by_file: int | None, *, is_being_written: bool = False) -> Holes:
+        """How many frames are not here, and why. lost_by_file: as the log itself says, where it does."""
         absent = doubtful = 0
-        for boot_id in {*self._seen, *(boot_id for boot_id, _, _ in self._lacks)}:
+        said = [item for ranges in self._said.values() for item in ranges]
+        for boot_id in {*self._seen, *(boot_id for boot_id, _, _ in said)}:
             seen = self._seen.get(boot_id, SeqSet())
-            wanted = SeqSet((first, last) for name, first, last in self._lacks if name == boot_id)
+            wanted = SeqSet((first, last) for name, first, last in said if name == boot_id)
             if seen:
                 wanted.add(self._begins[boot_id], self._highest[boot_id])
             gaps = [gap for first, last in wanted for gap in seen.gaps(first, last)]
@@ -85,7 +87,20 @@ class Census:
             holes = self._holes.get(boot_id, ())
             doubtful += sum(max(0, min(a[1], b[1]) - max(a[0], b[0]) + 1) for a in gaps for b in holes)
         in_file = doubtful if lost_by_file is None else lost_by_file
-        return MissingFrames(in_file, absent - min(doubtful, in_file))
+        missing, lost = (self._absent_of(word) + self._more[word] for word in ("lacks", "lost"))
+        others = max(0, absent - min(doubtful, in_file) - missing - lost)
+        if is_being_written:
+            return Holes(missing + others, lost, in_file)
+        if len(self._said) == 2:
+            return Holes(missing, lost, in_file + others)
+        return Holes(missing, lost, in_file, others)
+
+    def _absent_of(self, word: str) -> int:
+        """Number of the frames that a station said this of, and that did not come later."""
+        gaps = (
+            gap for boot_id, *seqs in self._said.get(word, ()) for gap in self._seen.get(boot_id, SeqSet()).gaps(*seqs)
+        )
+        return sum(last - first + 1 for first, last in gaps)
 
 
 def light_frame(data: bytes) -> Frame:

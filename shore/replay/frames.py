@@ -15,7 +15,7 @@ from common.errors import WayfixError
 from common.messages import Frame
 from common.settings import convert
 from common.units import NS_PER_S
-from shore.logbook.greetings import take_greeting
+from shore.logbook.greetings import COMPLETED, take_greeting
 from shore.logbook.log_reader import LogReader, LogRecord
 from shore.logbook.schemas import FRAMES, SESSION
 from shore.navigation.timeline import HORIZON_NS
@@ -119,7 +119,7 @@ class Frames:
                     if session["kind"] == "start":
                         start = start if is_first else _start(session, self._reader.path)
                         is_first = False
-                    is_live = is_live and session["kind"] != "completed"
+                    is_live = is_live and session["kind"] != COMPLETED
                 yield record
                 continue
             frame = self._reader.frame(record)

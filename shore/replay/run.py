@@ -178,7 +178,7 @@ class Replay:
 
         def each_second() -> None:
             if start is not None:
-                watcher.each_second(SourceState(census.count, census.missing(0).on_link))
+                watcher.each_second(SourceState(census.count, sum(census.holes(0))))
 
         for step in self:
             if pace is not None:

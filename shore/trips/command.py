@@ -120,7 +120,7 @@ def _tell_losses(result: Examination) -> None:
 
 def _report(result: Examination) -> dict[str, Any]:
     """`log verify` of one log, for JSON."""
-    reader, missing = result.reader, result.missing
+    reader = result.reader
     return {
         "log": str(reader.path),
         "state": result.state,
@@ -130,11 +130,7 @@ def _report(result: Examination) -> dict[str, Any]:
         "chunks": {"sound": result.chunks, "with_checksum": result.checked},
         "records": dict(sorted(result.counts.items())),
         "not_understood": dict(sorted(result.not_understood.items())),
-        "frames": {
-            "count": result.census.count,
-            "missing_in_file": missing.in_file,
-            "missing_on_link": missing.on_link,
-        },
+        "frames": {"count": result.census.count, **result.holes._asdict()},
     }
 
 

@@ -3,11 +3,14 @@
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from common.codec import decode_frame
 from common.errors import CodecError, WayfixError
+from shore.logbook.greetings import COMPLETED, GREETED
 from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.scan import Scan
+from shore.logbook.missing_frames import WORDS
 from shore.logbook.schemas import EVENTS, FIXES, FRAMES
 from shore.trips.examine import Examination
 from shore.trips.recover import Added, Whole, check_source, rewrite, whole_of
@@ -45,8 +48,10 @@ def complete(trip: Path, late: Path) -> int:
                     result.trip.frame(frame)
         if _lost_records(reader):
             raise WayfixError("is damaged", str(late), _CURE)
+        completed = _completed(late)
+        result.trip.session(completed, 0)
         summary = {"kind": "summary", **result.trip.as_record()}
-        return Added([_completed(late)], lambda: _new(late, new), [summary], summary)
+        return Added([completed], lambda: _new(late, new), [summary], summary)
 
     rewrite(trip, trip.resolve(), added, lambda _step, _scan: None, "free some space; both logs are as they were")
     late.unlink(missing_ok=True)
@@ -66,10 +71,15 @@ def _records(late: LogReader) -> Iterator[tuple[int, Whole]]:
             yield number, whole_of(item, scans[0].schemas)
 
 
-def _completed(late: Path) -> dict[str, object]:
-    """What a trip holds where it goes on: from which log, and what it lacks still, where that is known."""
-    ends = [record for record in LogReader(late).session() if record["kind"] == "end" and "lacks" in record]
-    return {"kind": "completed", "from": late.name, **({"lacks": ends[-1]["lacks"]} if ends else {})}
+def _completed(late: Path) -> dict[str, Any]:
+    """What a trip holds where it goes on: from which log; where known, the board's starts, and what it has not."""
+    known: dict[str, Any] = {}
+    for record in LogReader(late).session():
+        if record["kind"] == "end":
+            known |= {name: record[name] for name in WORDS if name in record}
+        elif record["kind"] == GREETED and "starts" in record:
+            known["starts"] = record["starts"]
+    return {"kind": COMPLETED, "from": late.name, **known}
 
 
 def _new(late: Path, new: set[int]) -> Iterator[Whole]:

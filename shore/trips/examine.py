@@ -12,10 +12,11 @@ from mcap.records import Metadata
 
 from common.messages import Fix
 from shore.logbook.foxglove import event_of
+from shore.logbook.holes import Holes
 from shore.logbook.log_reader import LogReader
 from shore.logbook.mcap.scan import Scan
 from shore.logbook.mcap.walk import Item
-from shore.logbook.missing_frames import Census, MissingFrames, light_frame
+from shore.logbook.missing_frames import Census, light_frame
 from shore.logbook.record_checks import content_of
 from shore.logbook.schemas import ESTIMATES, EVENTS, FRAMES, SESSION, TRIP
 from shore.logbook.summary import KEPT, TripSummary
@@ -65,14 +66,14 @@ class Examination:
         return "damaged" if reader.losses or reader.flaws or self.words_differ else "whole"
 
     @property
-    def missing(self) -> MissingFrames:
-        """Frames that are missing."""
+    def holes(self) -> Holes:
+        """Frames that are not here."""
         summary = self.last("summary")
         written = summary.get("frames") if summary else None
-        if not self.reader.losses:
-            return self.census.missing(0)
-        lost = max(0, written - self.census.count) if isinstance(written, int) else None
-        return self.census.missing(lost)
+        lost: int | None = 0
+        if self.reader.losses:
+            lost = max(0, written - self.census.count) if isinstance(written, int) else None
+        return self.census.holes(lost, is_being_written=self.reader.is_being_written)
 
     @property
     def words_differ(self) -> bool:
@@ -140,8 +141,7 @@ class Examination:
         if record.get("kind") != "start":
             self.sessions.append(record)
             self.trip.session(record, log_time_ns)
-            if record.get("lacks"):
-                self.census.lacks(record["lacks"])
+            self.census.ended(record)
             return
         self.starts.append(record)
         self.trip.session(record, log_time_ns)

@@ -15,6 +15,7 @@ from common.command import printable
 from common.toml_text import toml_lines
 from common.words import counted
 from shore.logbook.arithmetic import VERSIONS, WORDS, arithmetic_of
+from shore.logbook.holes import Holes
 from shore.logbook.mcap.damage import AnotherLog, clock
 from shore.trips.examine import Examination
 from shore.trips.listing import FIRST_DATE_NS, Trip, day, number
@@ -135,7 +136,7 @@ def _verdict(result: Examination) -> str:
     if result.state == "being written":
         return ", read up to its last whole chunk" + (", with damage before that" if reader.losses else "")
     if result.state == "whole":
-        return ", nothing is lost"
+        return ", nothing is lost" if not any(result.holes) else ", no record of it is lost, but frames are not in it"
     if result.state == "cut":
         others = len(reader.losses) - 1
         more = f", and {counted(others, 'stretch', 'stretches')} before that" if others else ""
@@ -151,15 +152,9 @@ def _verdict(result: Examination) -> str:
 
 
 def frames_text(result: Examination) -> str:
-    """How many frames there are, how many are missing, and why."""
-    missing = result.missing
-    told = [f"{result.census.count}"]
-    if missing.in_file:
-        told.append(f"{missing.in_file} more were in what is lost")
-    if missing.on_link:
-        come = "are still to come" if result.reader.is_being_written else "never came over the link"
-        told.append(f"{missing.on_link} {come}")
-    return ", ".join(told if len(told) > 1 else [*told, "none missing"]) if result.census.count else "none"
+    """How many frames there are, how many are not here, and why."""
+    told = result.holes.sentences() or ["none missing"]
+    return "; ".join([str(result.census.count), *told]) if result.census.count else "none"
 
 
 def _counts(result: Examination) -> str:
@@ -204,9 +199,9 @@ def _trip_rows(result: Examination, summary: dict[str, Any]) -> Iterator[tuple[s
     yield "sailed", _sailed(summary, result.fixes_area)
     yield from _rests(result.trip.as_record())
     yield "frames", frames_text(result)
-    if before := number(_part({"end": result.last("end")}, "end").get("lacking_before"), int):
-        still = "had not come when this one ended; the next `wayfix connect` fetches them"
-        yield "before", f"{counted(before, 'frame')} of earlier trips {still}"
+    end = _part({"end": result.last("end")}, "end")
+    before = Holes(*(number(end.get(f"{word}_before"), int) or 0 for word in ("lacking", "lost")))
+    yield from (("before", f"of earlier trips {hole}") for hole in before.sentences())
     yield "filters", ", ".join(map(str, summary.get("filters") or ())) or f"no estimates: {why_no_estimates(result)}"
     yield "events", ", ".join(f"{n} {level}" for level, n in _part(summary, "events").items()) or "none"
     start = result.starts[-1] if result.starts else {}

@@ -1,7 +1,8 @@
 """Latest-value cache: the newest of everything a screen shows, each with its source, quality, age and staleness.
 
-An age counts on the boat's clock, up to the newest frame, and from there on the station's own: whatever keeps frames
-away, what is shown grows old.
+An age counts on the boat's clock up to the newest frame. From there on it counts on the station's own clock and, where
+round trips say what the boat's clock shows now, on that one: whatever keeps frames away, what is shown grows old, and
+so does a picture of frames that come late.
 """
 
 from collections.abc import Callable
@@ -13,9 +14,13 @@ from common.units import NS_PER_S
 from shore.navigation.estimate import Estimate
 from shore.pipeline import Output
 from shore.settings.station import DEFAULTS, LimitSettings
+from shore.watchers.watcher import BoardNow
 
 _QUALITY: Final = {1: "GPS", 2: "DGPS", 3: "PPS", 4: "RTK fixed", 5: "RTK float"}
 """Names of the GGA qualities of fixes that are fused."""
+
+MOST_OVERDUE_S: Final = 2.0
+"""Everything is stale once the next frame is late by more than this, s, whatever the limits of the settings."""
 
 _Item = TypeVar("_Item")
 
@@ -44,11 +49,15 @@ class Newest:
         self._limits = limits
         self._now_s = now_s
         self._clock_id: str | None = None
+        self.board_now: BoardNow | None = None
+        """The board's clock, while a live run knows it."""
         self._forget()
 
     def _forget(self) -> None:
         self.t_ns = 0
         """Boat time of the newest frame, ns."""
+        self._period_s = 0.0
+        """Length of the newest frame, s."""
         self._due_s = self._now_s()
         """When the next frame is due, on the station's clock, s."""
         self.fix: Fix | None = None
@@ -66,7 +75,8 @@ class Newest:
         self._clock_id = frame.clock_id
         if frame.t1_ns > self.t_ns:
             self.t_ns = frame.t1_ns
-            self._due_s = self._now_s() + (frame.t1_ns - frame.t0_ns) / NS_PER_S
+            self._period_s = (frame.t1_ns - frame.t0_ns) / NS_PER_S
+            self._due_s = self._now_s() + self._period_s
         self.fix = max((*frame.fixes, *_if_any(self.fix)), key=_time, default=None)
         self.heading = max((*frame.headings, *_if_any(self.heading)), key=_time, default=None)
         self.estimate = next((item for item in output.estimates if item.filter == self.filter), self.estimate)
@@ -82,9 +92,12 @@ class Newest:
         return self._age(estimate.t_ns, self._limits.estimate_stale_s)
 
     def _age(self, t_ns: int, most_s: float) -> Age:
-        overdue_s = max(0.0, self._now_s() - self._due_s)
+        overdue_s, board = max(0.0, self._now_s() - self._due_s), self.board_now
+        is_of_clock = board is None or self._clock_id in (None, board.clock_id)
+        if board is not None and is_of_clock and board.t_ns is not None:
+            overdue_s = max(overdue_s, (board.t_ns - self.t_ns) / NS_PER_S - self._period_s)
         age_s = (self.t_ns - t_ns) / NS_PER_S + overdue_s
-        return Age(age_s, age_s > most_s or overdue_s > self._limits.estimate_stale_s)
+        return Age(age_s, age_s > most_s or overdue_s > MOST_OVERDUE_S or not is_of_clock)
 
 
 def quality_of(fix: Fix) -> str:

@@ -60,7 +60,10 @@ class StatusLine(Watcher):
 
     def each_second(self, now: SourceState) -> None:
         """Print the line, where one is wanted."""
-        if self.newest is not None and self._settings.display.status_line:
+        if self.newest is None:
+            return
+        self.newest.board_now = now.board_now
+        if self._settings.display.status_line:
             self._say(status_text(self.newest, now, self._width()))
 
 
@@ -72,10 +75,9 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
     whole = _whole_text(newest, now)
     if width is None or len(whole) <= width:
         return whole
-    estimate, lack = _estimate_text(newest), now.catching_up
+    estimate = _estimate_text(newest)
     sensors = [text for text in (_fix_text(newest), _heading_text(newest)) if not _UNWELL.isdisjoint(text.split())]
-    missing = f"{now.missing:,} missing"
-    told = missing if lack is None else catching_up_text(lack)
+    missing, told = now.holes.brief(), _holes_text(now)
     trouble = [] if now.has_log else ["NO LOG"]
     trouble += [] if now.lost_s is None else [f"LINK LOST for {now.lost_s:.0f} s"]
     bare, *waiting = estimate.removeprefix(f"{newest.filter} ").split(" waiting for: ")
@@ -89,13 +91,14 @@ def status_text(newest: Newest, now: SourceState, width: int | None = None) -> s
         [*trouble, bare, *sensors],
     )
     texts = [" | ".join(parts) for parts in shorter]
-    return next((text for text in texts if len(text) <= width), texts[-1][: width - 1] + "…")
+    last = texts[-1]
+    if "STALE" in last and "STALE" not in last[: width - 1]:
+        last = f"STALE {last}"  # a line that is cut does not lose this word
+    return next((text for text in texts if len(text) <= width), last[: width - 1] + "…")
 
 
 def _whole_text(newest: Newest, now: SourceState) -> str:
-    gone = f", {now.gone} lost" if now.gone else ""
-    missing = f"{now.missing} missing" if now.catching_up is None else catching_up_text(now.catching_up)
-    counts = f"{counted(now.received, 'frame')}, {missing}{gone}"
+    counts = f"{counted(now.received, 'frame')}, {_holes_text(now)}"
     text = f"{_estimate_text(newest)} | {_fix_text(newest)} | {_heading_text(newest)} | {counts}"
     if not now.has_log:
         text = f"NO LOG | {text}"
@@ -105,6 +108,16 @@ def _whole_text(newest: Newest, now: SourceState) -> str:
         return text
     refusal = f" ({now.refusal})" if now.refusal else ""
     return f"LINK LOST for {now.lost_s:.0f} s{refusal}, trying again | before: {text}"
+
+
+def _holes_text(now: SourceState) -> str:
+    """What is not here; of frames that are still to come, where it is known, of which time and how soon."""
+    brief = now.holes.brief()
+    return (
+        brief
+        if now.catching_up is None
+        else brief.replace(f"{now.missing:,} missing", catching_up_text(now.catching_up))
+    )
 
 
 def catching_up_text(lack: CatchingUp) -> str:

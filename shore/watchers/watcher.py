@@ -13,6 +13,7 @@ from common.boat_config import BoatConfig
 from common.messages import Event, Frame
 from common.units import NS_PER_S
 from shore.link.catching_up import CatchingUp
+from shore.logbook.holes import Holes
 from shore.pipeline import Output
 
 
@@ -84,6 +85,14 @@ class Step(NamedTuple):
         return *self.frame.events, *self.output.events
 
 
+class BoardNow(NamedTuple):
+    """The clock of the board as it runs now."""
+
+    clock_id: str
+    t_ns: int | None
+    """What it shows now at least, ns; `None` = not known."""
+
+
 @dataclass(frozen=True, slots=True)
 class SourceState:
     """How the source itself is doing, once a second."""
@@ -92,8 +101,8 @@ class SourceState:
     """Number of frames received so far."""
     missing: int
     """Number of frames that are still to come."""
-    gone: int = 0
-    """Number of frames that the boat does not hold any more."""
+    lost: int = 0
+    """Number of frames that never come."""
     lost_s: float | None = None
     """How long the link has been lost, s; `None` = it is not lost."""
     refusal: str | None = None
@@ -103,6 +112,15 @@ class SourceState:
     """False once the log has ended before the run."""
     catching_up: CatchingUp | None = None
     """What is missing, and how long it takes to come; `None` = nothing is, or nobody knows."""
+    not_stored: int = 0
+    """Number of frames that came when the log had ended."""
+    board_now: BoardNow | None = None
+    """The board's clock; `None` = it is not known which one runs."""
+
+    @property
+    def holes(self) -> Holes:
+        """What is not here, or not in the log."""
+        return Holes(self.missing, self.lost, self.not_stored)
 
 
 class Watcher:

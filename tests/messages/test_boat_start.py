@@ -34,6 +34,22 @@ def test_what_a_later_greeting_does_not_name_any_more_is_older() -> None:
     assert order.sorted([start("c", 1), start("b", 2), start("a", 3)]) == [start("a", 3), start("b", 2), start("c", 1)]
 
 
+def test_a_card_of_an_older_backup_forgets_starts_that_stay_in_their_place() -> None:
+    order = StartOrder()
+    order.greeted(["a", "b", "c", "d"])
+    order.greeted(["a", "b", "e"])
+    assert [start.boot_id for start in order.sorted(map(start, "edcba"))] == ["a", "b", "c", "d", "e"]
+    order.greeted(["a", "e", "f"])
+    assert [start.boot_id for start in order.sorted(map(start, "fedcba"))] == ["a", "b", "c", "d", "e", "f"]
+
+
+def test_a_start_that_no_greeting_named_has_the_place_of_its_number() -> None:
+    order = StartOrder()
+    order.greeted(["a", "b"])
+    given = [start("x", 3), start("b", 2), start("y", 13), start("a", 12), start("z", 3)]
+    assert [start.boot_id for start in order.sorted(given)] == ["x", "z", "a", "b", "y"]
+
+
 @given(st.lists(st.lists(st.sampled_from("abcdefgh"), unique=True), max_size=6))
 def test_the_last_greeting_holds_and_the_one_that_runs_is_the_newest(greetings: list[list[str]]) -> None:
     order = StartOrder()

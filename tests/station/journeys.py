@@ -9,6 +9,7 @@ import pytest
 
 from common.clock_offset import ClockOffset
 from common.codec import encode_frame
+from common.link_messages import FrameRange
 from common.messages import Frame, SensorHealth
 from shore.link.link import Link, Received, Wants
 from shore.live.run import LiveRun, Options
@@ -35,13 +36,15 @@ class Board:
         self.clock_id = voyage[0].clock_id
         self.numbers: dict[str, int] = {}
         """Number of each start, by boot_id."""
+        self.held_from: dict[str, int] = {}
+        """The first frame that the spool still holds, by boot_id; 0 where it says nothing."""
         self.restart()
 
     def restart(self, start_no: int | None = None) -> None:
         """The daemon is started, on the same clock. start_no: what its counter says, where it does not go on."""
-        self.boot_id = f"{len(self.made) + 1:016x}"
+        self.boot_id = f"{len(self.numbers) + 1:016x}"
         self.made[self.boot_id] = []
-        self.numbers[self.boot_id] = len(self.made) if start_no is None else start_no
+        self.numbers[self.boot_id] = len(self.numbers) + 1 if start_no is None else start_no
 
     def reboot(self, start_no: int | None = None) -> None:
         """The board itself is started: its clock begins again."""
@@ -94,13 +97,17 @@ class SpoolLink:
         runs = [[name, self._board.numbers[name], 0, len(frames)] for name, frames in made.items()]
         unlisted = runs[:-MOST_RUNS]
         config = without_none(asdict(BOAT))
-        return {"boot_id": boot_id, "next_seq": len(made[boot_id]), "config": config, "runs": runs[-MOST_RUNS:],
-                "unlisted": [len(unlisted), sum(run[3] for run in unlisted)]}  # fmt: skip
+        return {
+            "boot_id": boot_id, "clock_id": self._board.clock_id, "next_seq": len(made[boot_id]), "config": config,
+            "runs": runs[-MOST_RUNS:], "unlisted": [len(unlisted), sum(run[3] for run in unlisted)],
+        }  # fmt: skip
 
     def receive(self, timeout_s: float) -> Received | None:
         if self._greeted != self._board.boot_id:
             return Received(connected=self._greeting())
         missing = self._wants().missing
+        if missing and missing[0].first < (held := self._board.held_from.get(missing[0].boot_id, 0)):
+            return Received(gone=[FrameRange(missing[0].boot_id, missing[0].first, min(missing[0].last, held - 1))])
         if missing and self._sent < self._fill:
             self._sent += 1
             return Received(frame=encode_frame(self._board.made[missing[0].boot_id][missing[0].first]))

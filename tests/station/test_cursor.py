@@ -61,6 +61,9 @@ HARM: dict[str, Callable[[bytes], bytes]] = {
     "odd ranges": with_start(seen=[5]),
     "no text": with_start(boot_id=5),
     "a path": changed(log="../../etc/passwd"),
+    "a trip elsewhere": with_start(trips=[[0, "../other.mcap"]]),
+    "lost less than none": changed(forgotten=-1),
+    "a log that is gone": changed(log="20200101T000000Z-springer.mcap"),
     "no log": changed(log="springer.cursor"),
 }
 
@@ -84,6 +87,67 @@ def test_whatever_the_cursor_holds_each_frame_is_fetched_once(harm: str, tmp_pat
         check_each_frame_once(tmp_path, board)
     assert any("1 log of this boat" in line for line in said)
     assert any(str(cursor) in line for line in said) == (harm != "gone")
+
+
+def test_a_cursor_of_an_older_backup_does_not_know_the_logs_beside_it(tmp_path: Path, board: Board) -> None:
+    cursor = tmp_path / "springer.cursor"
+    session(tmp_path, board, 2.0)
+    older = cursor.read_bytes()
+    board.make(30)
+    session(tmp_path, board, 2.0)
+    board.make(30)
+    board.restart()
+    session(tmp_path, board, 2.0)
+    cursor.write_bytes(older)
+    board.make(30)
+    _, said = session(tmp_path, board, 2.0)
+    assert any(f"{cursor}: it does not know the log " in line for line in said)
+    complete_trips(tmp_path, print)
+    check_each_frame_once(tmp_path, board)
+    _, said = session(tmp_path, board, 1.0)
+    assert not any(str(cursor) in line for line in said), "it is made again"
+
+
+def test_the_newest_log_that_was_removed_while_no_station_ran_is_fetched_again(tmp_path: Path, board: Board) -> None:
+    session(tmp_path, board, 2.0)
+    board.make(30)
+    newest = session(tmp_path, board, 2.0)[0].log_path
+    assert newest is not None
+    newest.unlink()
+    _, said = session(tmp_path, board, 2.0)
+    assert any(f"it is of the log {newest.name}, which is not there any more" in line for line in said)
+    complete_trips(tmp_path, print)
+    check_each_frame_once(tmp_path, board)
+
+
+def test_logs_that_were_all_moved_away_are_not_fetched_again(tmp_path: Path, board: Board) -> None:
+    logs, archive = tmp_path / "logs", tmp_path / "archive"
+    archive.mkdir()
+    for _ in range(2):
+        log = session(logs, board, 2.0)[0].log_path
+        assert log is not None
+        log.rename(archive / log.name)
+        board.make(30)
+    log = session(logs, board, 2.0)[0].log_path
+    held = [len(list(read_log(each).frames())) for each in archive.iterdir()]
+    assert sorted(held) == [20, 20]
+
+
+def test_what_a_station_that_died_left_of_its_cursor_is_removed(tmp_path: Path, board: Board) -> None:
+    tmp_path.joinpath(".springer.cursor.4711.part").write_bytes(b"{")
+    tmp_path.joinpath(".other.cursor.4711.part").write_bytes(b"{")
+    session(tmp_path, board, 1.0)
+    assert [path.name for path in tmp_path.glob(".*.part")] == [".other.cursor.4711.part"]
+
+
+def test_a_cursor_keeps_what_is_lost_of_starts_that_it_forgot(tmp_path: Path) -> None:
+    cursor = Cursor(tmp_path, "springer", print)
+    cursor.ledger.forgotten = 7
+    cursor.saver(tmp_path / "a.mcap", 1)()
+    cursor.close()
+    again = Cursor(tmp_path, "springer", print)
+    again.close()
+    assert again.ledger.gone_count == 7
 
 
 @needs_cases
@@ -148,11 +212,28 @@ def test_more_starts_than_a_greeting_lists_are_said(
         board.make(3)
         board.restart()
     monkeypatch.setattr("tests.station.journeys.MOST_RUNS", 5)
-    _, said = session(tmp_path, board, 2.0)
-    (told,) = [line for line in said if "more starts of its daemon" in line]
-    assert "the boat holds 8 more starts of its daemon than it lists: their 34 frames are not fetched" in told
+    run, said = session(tmp_path, board, 2.0)
+    (told,) = [line for line in said if "frames that are lost" in line]
+    assert "the boat holds 8 more starts of its daemon than it lists; frames that are lost: 34" in told
+    assert run.tally.holes.lost == 34
     _, said = session(tmp_path, board, 2.0)
     assert not any("more starts" in line for line in said), "these starts are known now"
+
+
+def test_a_board_that_holds_nothing_that_this_station_knows_has_lost_frames(tmp_path: Path, board: Board) -> None:
+    """Its spool was removed, or has rolled on for weeks: which frames came after the last one that is known, if any?"""
+    session(tmp_path, board, 1.0)
+    known = board.boot_id
+    board.restart()
+    board.make(20)
+    _, said = session(tmp_path, board, 1.0)
+    assert not any("frames that are lost" in line for line in said)
+    for name in (known, board.boot_id):
+        del board.made[name]
+    board.restart()
+    _, said = session(tmp_path, board, 1.0)
+    (told,) = [line for line in said if "frames that are lost" in line]
+    assert "no start of its daemon that this station knows; frames that are lost: nobody knows how many" in told
 
 
 def test_a_start_that_is_not_remembered_any_more_counts_as_lost() -> None:

@@ -81,6 +81,16 @@ A, B, SAME = (
 )
 
 
+def test_addresses_beyond_the_most_that_are_tried_are_counted() -> None:
+    search = Search()
+    for _ in range(2):
+        for number in range(finding.MAX_CANDIDATES + 3):
+            search.named(Candidate(f"10.0.0.{number}", MDNS))
+    assert str(search.fault()).endswith(
+        "and not tried, since these are 64: 3 more; join the boat's Wi-Fi, or give its address"
+    )
+
+
 def test_an_address_is_tried_once_whoever_names_it() -> None:
     search = Search()
     assert [search.named(candidate) for candidate in (A, B, SAME, B)] == [True, True, False, False]

@@ -159,10 +159,10 @@ def test_what_a_trip_lacks_is_said_until_it_came(tmp_path: Path, board: Board) -
     assert re.search(r"catching up: 4\d\d frames of \d\d:\d\d:\d\d to \d\d:\d\d:\d\d, \d+ s left", told), told
     complete_trips(tmp_path, print)
     assert first is not None
-    assert examine(first, lambda _scan: None).missing.on_link == missing
+    assert examine(first, lambda _scan: None).holes == (missing, 0, 0, 0)
     session(tmp_path, board, 3.0, fill=100)
     complete_trips(tmp_path, print)
-    assert examine(first, lambda _scan: None).missing.on_link == 0
+    assert examine(first, lambda _scan: None).holes == (0, 0, 0, 0)
     check_each_frame_once(tmp_path, board)
 
 

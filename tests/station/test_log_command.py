@@ -108,7 +108,7 @@ def test_info_of_a_damaged_log_says_so(tmp_path: Path, capsys: pytest.CaptureFix
     assert wayfix_log("info", path) == 0
     said = capsys.readouterr().out
     assert "31 records lost from 2026-11-18 11:06:42.100 UTC" in " ".join(said.split())
-    assert "90, 10 more were in what is lost" in said
+    assert "90; 10 frames are not stored: the log had ended, or its file lost them" in " ".join(said.split())
 
 
 def test_info_of_a_log_of_another_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,14 +148,14 @@ def test_census_counts_frames_whatever_their_order() -> None:
     census.expect("0123456789abcdef", 3)
     for seq in (9, 8, 20, 5, 6, 7, 9):
         census.frame(frame(seq))
-    assert census.missing(0) == (0, 2 + 10)
+    assert census.holes(0) == (0, 0, 0, 2 + 10)
     census.frame(frame_of(seq=19, first_seq=10))
-    assert census.missing(0) == (0, 2)
+    assert census.holes(0) == (0, 0, 0, 2)
     census.frame(frame_of(seq=0, boot_id="b2"))
     census.file_lost_something()
     census.frame(frame_of(seq=5, boot_id="b2"))
-    assert census.missing(None) == (4, 2)
-    assert census.missing(3) == (3, 3)
+    assert census.holes(None) == (0, 0, 4, 2)
+    assert census.holes(3) == (0, 0, 3, 3)
 
 
 def test_a_light_frame_has_what_a_summary_needs() -> None:

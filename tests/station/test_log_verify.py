@@ -31,10 +31,10 @@ def test_verify_says_exactly_what_is_lost(tmp_path: Path, capsys: pytest.Capture
         chunks_of(content)[3][0],
         chunks_of(content)[7][0],
     )
-    assert report["frames"] == {"count": 70, "missing_in_file": 30, "missing_on_link": 0}
+    assert report["frames"] == {"count": 70, "missing": 0, "lost": 0, "not_stored": 30, "unknown": 0}
     assert report["chunks"] == {"sound": len(chunks_of(content)) - 3, "with_checksum": len(chunks_of(content)) - 3}
     assert "a.mcap: damaged, 93 records lost" in said.out
-    assert "30 more were in what is lost" in said.out
+    assert "70; 30 frames are not stored: the log had ended, or its file lost them" in " ".join(said.out.split())
 
 
 def test_frames_that_the_link_lost_are_told_from_those_the_file_lost(
@@ -44,13 +44,13 @@ def test_frames_that_the_link_lost_are_told_from_those_the_file_lost(
     path, _ = write(tmp_path, order)
     assert wayfix_log("verify", path, "--json") == 0
     said = capsys.readouterr().out
-    assert "92, 8 never came over the link" in said
+    assert "92; 8 frames are not in this log, which does not say why" in " ".join(said.split())
     (report,) = json.loads(said.splitlines()[-1])["logs"]
-    assert report["frames"] == {"count": 92, "missing_in_file": 0, "missing_on_link": 8}
+    assert report["frames"] == {"count": 92, "missing": 0, "lost": 0, "not_stored": 0, "unknown": 8}
     put(path, harmed(path.read_bytes(), 8))
     assert wayfix_log("verify", path, "--json") == 1
     (report,) = answer(capsys)["logs"]
-    assert report["frames"] == {"count": 82, "missing_in_file": 10, "missing_on_link": 8}
+    assert report["frames"] == {"count": 82, "missing": 0, "lost": 0, "not_stored": 10, "unknown": 8}
 
 
 def test_a_cut_log_names_the_last_moment_it_knows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -62,6 +62,16 @@ def test_a_picture_whose_frames_stopped_grows_old_on_the_stations_own_clock() ->
     assert shown[60.0][1] == "gps1 GPS STALE (60 s)"
 
 
+@pytest.mark.parametrize("width", range(8, 120, 7))
+def test_a_line_that_is_cut_does_not_lose_the_word_stale(width: int) -> None:
+    line = Newest(CONFIG, "ukf")
+    line.take(ended_at(115.0), Output(estimates=(Estimate(**estimate(115.0, 42.23, -8.74)),)))
+    line.take(ended_at(120.0), Output())
+    text = status_text(line, SourceState(0, 0), width)
+    assert "STALE" in text
+    assert len(text) <= width
+
+
 def test_what_the_filter_waits_for_is_said_until_nothing_is_missing(short_voyage: list[Frame]) -> None:
     """The compass is silent for the first two seconds; then the biases are not known yet."""
     pipeline, line, said = Pipeline(UNCALIBRATED, ("ukf",)), Newest(UNCALIBRATED, "ukf"), []

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from common.codec import decode_frame
+from common.messages import Frame
 from shore.logbook.log_reader import read_log
 from tests.system.harness import BIN, Process, boat, command, station
 
@@ -27,6 +29,10 @@ def ends_within(process: Process, seconds: float) -> int:
 
 def newest_log(directory: Path) -> Path:
     return max(directory.glob("*.mcap"), key=lambda path: path.stat().st_mtime)
+
+
+def frames_in(directory: Path) -> list[Frame]:
+    return [decode_frame(data) for log in directory.glob("*.mcap") for data in read_log(log).frames()]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -110,12 +116,31 @@ def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
         done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == 1, done.stderr
         result = json.loads(done.stdout.splitlines()[-1])
-        assert result["frames"] == {"received": 60, "missing": 0}
+        assert result["frames"] == {"received": 60, "missing": 0, "lost": 0}
         assert "cannot be written any further" in result["log_fault"]
         assert done.stderr.count("the run goes on without a log") == 1
         assert "NO LOG | " in done.stderr
         assert "Traceback" not in done.stderr
         assert len(list(read_log(newest_log(tmp_path / "log")).frames())) > 0
+
+
+def test_a_log_directory_that_is_removed_is_said_within_two_seconds_and_begun_again(tmp_path: Path) -> None:
+    logs = tmp_path / "log"
+    with boat(tmp_path) as running, station(running.address, "--log", logs) as ashore:
+        ashore.wait_for_words(" missing")
+        time.sleep(0.5)
+        before = {(frame.boot_id, frame.seq) for frame in frames_in(logs)}
+        shutil.rmtree(logs)
+        removed = time.monotonic()
+        ashore.wait_for_words("was removed or moved while it was written")
+        assert time.monotonic() - removed < STOP_S
+        ashore.wait_for(lambda me: "0 missing" in me.err[-1] and "STALE" not in me.err[-1])
+        ashore.send(signal.SIGTERM)
+        assert ends_within(ashore, STOP_S) == 0
+        held = [(frame.boot_id, frame.seq) for frame in frames_in(logs)]
+        assert len(held) == len(set(held))
+        assert before < set(held)
+        assert sorted(seq for _, seq in held) == list(range(min(held)[1], max(held)[1] + 1))
 
 
 @pytest.mark.parametrize("delay_s", [0.3, 0.8])
