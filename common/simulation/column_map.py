@@ -59,6 +59,12 @@ class TimeColumn:
     """How the text is written (Python's strptime), for example "%Y-%m-%d %H:%M:%S.%f"; "iso" = ISO 8601."""
     excel: ImportOnly[bool] = False
     """True = the column counts days as Excel does (45,000 is in 2023); one of `more` may hold the fraction of a day."""
+    day_of_1970: ImportOnly[Annotated[float | None, Range(-1e7, 1e7)]] = None
+    """The number that 1 January 1970 has in a column that counts days: 719529 for MATLAB, 2440587.5 for Julian days."""
+    gps: ImportOnly[bool] = False
+    """True = GPS time, which has no leap seconds; a number counts from 1980-01-06, or from the beginning of `week`."""
+    week: ImportOnly[str | None] = None
+    """Column of the GPS week, where `column` is the time of week."""
     utc: ImportOnly[bool] = False
     """True = the text or Excel's day is UTC, date included."""
     wraps_s: ImportOnly[Annotated[float, Range(0.0, 1e9)]] = 0.0
@@ -67,9 +73,19 @@ class TimeColumn:
     """True = rows of one stamp (whole seconds, several rows in each) lie evenly up to the next."""
 
     @property
+    def is_utc(self) -> bool:
+        """True when the time is UTC, date included."""
+        return self.unix or self.utc or self.gps or self.zero_utc is not None
+
+    @property
+    def is_days(self) -> bool:
+        """True when the column counts days."""
+        return self.excel or self.day_of_1970 is not None
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Every column that must be there."""
-        return _named(self.column, self.nanoseconds, *self.more)
+        return _named(self.column, self.nanoseconds, self.week, *self.more)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +97,9 @@ class FixColumns:
 
     lat: VoyageNeeds[str | None] = None
     lon: VoyageNeeds[str | None] = None
+    lat_more: ImportOnly[tuple[str, ...]] = ()
+    """Columns of the minutes of latitude, and of the seconds, where `lat` holds whole degrees alone."""
+    lon_more: ImportOnly[tuple[str, ...]] = ()
     place: ImportOnly[str | None] = None
     """Column that holds latitude and longitude in one cell."""
     north_south: ImportOnly[str | None] = None
@@ -88,6 +107,8 @@ class FixColumns:
     east_west: ImportOnly[str | None] = None
     scale: ImportOnly[float | None] = None
     """Degrees in one unit of the columns; `None` = the unit in their names, else 1."""
+    lon_scale: ImportOnly[float | None] = None
+    """Degrees in one unit of `lon`, where it is another one than that of `lat`; negative = + is west."""
     packed: ImportOnly[bool | None] = None
     """True = ddmm.mmmm (NMEA); `None` = found out from the values."""
     north: ImportOnly[str | None] = None
@@ -115,7 +136,7 @@ class FixColumns:
     def columns(self) -> tuple[str, ...]:
         """Every column that must be there."""
         places = (self.lat, self.lon, self.place, self.north_south, self.east_west, self.north, self.east)
-        return _named(*places, self.alt, self.sog, self.cog, self.mode)
+        return _named(*places, *self.lat_more, *self.lon_more, self.alt, self.sog, self.cog, self.mode)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,12 +13,20 @@ _NOTHING: Final = frozenset(("", "nan", "null", "none", "na", "n/a", "nil", "und
 _BLANKED: Final = re.compile(r"[-.*?_:\s]*")
 """A cell without a value: `--.--`, `***`."""
 _NUMBER: Final = re.compile(r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+(?![0-9]))?)\s*(.*)", re.DOTALL)
+_SCIENTIFIC: Final = re.compile(r"([0-9]+)(?:\.[0-9]*)?[eE][+-]?[0-9]+")
 _COMMA: Final = re.compile(r"(?<=[0-9]),(?=[0-9])|^,(?=[0-9])|(?<=[-+]),(?=[0-9])")
+_GROUPS: Final = {
+    ".,": re.compile(r"([+-]?[1-9][0-9]{0,2})((?:,[0-9]{3})+)(?![0-9,])"),
+    ",.": re.compile(r"([+-]?[1-9][0-9]{0,2})((?:\.[0-9]{3})+)(?![0-9.])"),
+}
+"""Digits in groups of three, by the marks of a table: that of the decimals, and that of the thousands."""
 _SIDES: Final = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
 _LETTER_WORDS: Final = {"NORTH": "N", "SOUTH": "S", "EAST": "E", "WEST": "W"}
 _PART: Final = re.compile(r"[0-9]+(?:\.[0-9]*)?|\.[0-9]+")
 _BETWEEN: Final = re.compile(r"(?:deg|min|sec|[\s°º:'’′\"”″`\u00b4-])*", re.IGNORECASE)
 _PLACE: Final = re.compile(r"([NSns])\s*([0-9].*?)[\s,;/]*([EWew])\s*([0-9].*)", re.DOTALL)
+_POINT: Final = re.compile(r"POINT\s*[ZM]{0,2}\s*\(\s*([0-9.eE+-]+)\s+([0-9.eE+-]+)[0-9.eE+\s-]*\)", re.IGNORECASE)
+"""A point of maps (WKT): the longitude first."""
 _PLACE_AFTER: Final = re.compile(r"([^NSns]+[NSns])[\s,;/]*([^NSns]+[EWew])", re.DOTALL)
 
 
@@ -33,6 +41,7 @@ class Angle(NamedTuple):
     """True = a letter or a sign says the hemisphere."""
     digits: int = 0
     """Number of digits before the point of a single number, 0 for several: ddmm.mmmm has four or five."""
+    has_letter: bool = False
 
 
 def is_nothing(text: str) -> bool:
@@ -41,8 +50,10 @@ def is_nothing(text: str) -> bool:
 
 
 def with_point(text: str, decimal: str) -> str:
-    """A number as Python reads it, where `decimal` is a comma."""
-    return _COMMA.sub(".", text) if decimal == "," and "." not in text else text
+    """A number as Python reads it; decimal: the mark of a table before decimals, and behind it that of thousands."""
+    if len(decimal) > 1:
+        text = _GROUPS[decimal].sub(lambda match: match[1] + match[2].replace(decimal[1], ""), text)
+    return _COMMA.sub(".", text) if decimal[0] == "," and "." not in text else text
 
 
 def number_and_unit(text: str, decimal: str) -> tuple[float, str]:
@@ -72,21 +83,24 @@ def angle_in(text: str, axis: str, decimal: str) -> Angle:
     sign = -1.0 if rest[:1] in ("-", "\u2212") else 1.0
     is_signed = rest[:1] in ("-", "+", "\u2212")
     rest = rest[1:] if is_signed else rest
+    has_side = letter is not None or is_signed
+    if letter is None and (match := _SCIENTIFIC.fullmatch(rest)) is not None:
+        value = float(rest)
+        return Angle(sign * value, is_bare=True, has_side=has_side, digits=len(str(int(min(value, 1e9)))))
     parts = _PART.findall(rest)
     if not 1 <= len(parts) <= 3 or not _BETWEEN.fullmatch(_PART.sub("", rest)):
-        if len(parts) == 1 and (match := _NUMBER.fullmatch(rest)) and not match[2] and letter is None:
-            return Angle(sign * float(match[1]), is_bare=True, has_side=is_signed)  # 4.2e1
         raise Rejected("no angle")
     if letter is not None and sign < 0.0:
         raise Rejected("a minus and a letter contradict each other")
     sign *= 1.0 if letter is None else _SIDES[letter]
-    has_side = letter is not None or is_signed
+    has_letter = letter is not None
     if len(parts) == 1:
-        return Angle(sign * float(parts[0]), is_bare=True, has_side=has_side, digits=len(parts[0].partition(".")[0]))
+        digits = len(parts[0].partition(".")[0])
+        return Angle(sign * float(parts[0]), is_bare=True, has_side=has_side, digits=digits, has_letter=has_letter)
     if any("." in part for part in parts[:-1]) or any(float(part) >= 60.0 for part in parts[1:]):
         raise Rejected("no degrees, minutes and seconds")
     value = sum(float(part) / 60.0**place for place, part in enumerate(parts))
-    return Angle(sign * value, is_bare=False, has_side=has_side)
+    return Angle(sign * value, is_bare=False, has_side=has_side, has_letter=has_letter)
 
 
 def from_packed(value: float) -> float:
@@ -99,6 +113,8 @@ def from_packed(value: float) -> float:
 
 def both_in(text: str) -> tuple[str, str]:
     """The latitude and the longitude of one cell (`N42 13.8 W8 44.4`, `42.23, -8.74`); raises Rejected."""
+    if (match := _POINT.fullmatch(text.strip())) is not None:
+        return match[2], match[1]
     if (match := _PLACE.fullmatch(text)) is not None:
         return match[1] + match[2], match[3] + match[4]
     if (match := _PLACE_AFTER.fullmatch(text)) is not None:

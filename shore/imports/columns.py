@@ -10,7 +10,7 @@ from common.boat_config import SensorTable
 from common.framer import Measurement
 from common.simulation.column_map import ColumnMap
 from common.units import NS_PER_S
-from shore.imports.cell_columns import BadCell, Cells, TimeCells
+from shore.imports.cell_columns import BadCell, Cells
 from shore.imports.csv_dialect import TableRow
 from shore.imports.frames import PORT
 from shore.imports.line_counts import Account, Rejected
@@ -18,6 +18,7 @@ from shore.imports.reader import ForeignRecord, Sources
 from shore.imports.record_times import LATEST_NS
 from shore.imports.table_file import TableFile
 from shore.imports.table_parts import parts_of
+from shore.imports.time_cells import TimeCells
 
 
 class ColumnReader:
@@ -28,7 +29,7 @@ class ColumnReader:
         self.mapping = mapping
         self.boat = mapping.boat
         time = mapping.time
-        self.is_utc = time.unix or time.utc or time.zero_utc is not None
+        self.is_utc = time.is_utc
         self.sources = Sources()
         self._file = TableFile(path, mapping.table, mapping.columns, progress)
         self._time = TimeCells(time, self._file.table.decimal, self._file.factor(time.column, "time"))

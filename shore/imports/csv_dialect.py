@@ -21,6 +21,8 @@ _COMMENTS: Final = ("#", "//", "%")
 _VALUE: Final = re.compile(r"[+-]?[0-9.][0-9:.,/ TZeE+-]*")
 _WITH_COMMA: Final = re.compile(r"[+-]?[0-9]+,[0-9]+")
 _GROUPED: Final = re.compile(r"[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+")
+_COMMA_GROUPS: Final = re.compile(r"[+-]?[1-9][0-9]{0,2}((,[0-9]{3})+\.[0-9]+|(,[0-9]{3}){2,})")
+_POINT_GROUPS: Final = re.compile(r"[+-]?[1-9][0-9]{0,2}((\.[0-9]{3})+,[0-9]+|(\.[0-9]{3}){2,})")
 _WITH_POINT: Final = re.compile(r"[+-]?[0-9]+\.[0-9]+")
 _EXAMPLES: Final[dict[str, frozenset[str]]] = {
     "blueboat-map.toml": frozenset({"original_timestamp", "surge_dot", "sway_dot"}),
@@ -43,7 +45,7 @@ class Table(NamedTuple):
     first_line: int
     """Number of lines before the first row: title, comments, head."""
     decimal: str
-    """Mark before the decimals, a point or a comma."""
+    """Mark before the decimals, a point or a comma; behind it the mark of thousands, where cells have one."""
 
 
 class TableRow(NamedTuple):
@@ -173,15 +175,21 @@ def _headless(
 
 
 def _decimal_of(lines: Sequence[str], delimiter: str) -> str:
-    """A comma where cells have it and no cell has a point, or where columns are not parted by commas."""
-    if delimiter != ",":
-        return ","
+    """The marks of decimals and thousands: a comma for decimals where a cell has it so, and for thousands where a cell
+    with a decimal point, or with two groups, has it so. Where columns are not parted by commas both decimals are read.
+    """
     try:
-        cells = [cell.strip() for row in islice(csv.reader(lines), _LOOKED_AT) for cell in row]
+        rows = list(islice(csv.reader(lines, delimiter=delimiter), _LOOKED_AT))
     except csv.Error:
-        return "."
+        rows = []
+    cells = [cell.strip() for row in rows for cell in row]
     has_comma = any(_WITH_COMMA.fullmatch(cell) and not _GROUPED.fullmatch(cell) for cell in cells)
-    return "," if has_comma and not any(map(_WITH_POINT.fullmatch, cells)) else "."
+    has_point = any(map(_WITH_POINT.fullmatch, cells))
+    if has_comma and (delimiter != "," or not has_point):
+        return ",." if any(map(_POINT_GROUPS.fullmatch, cells)) else ","
+    if any(map(_COMMA_GROUPS.fullmatch, cells)) or (has_point and any(map(_GROUPED.fullmatch, cells))):
+        return ".,"
+    return "." if delimiter == "," else ","
 
 
 def _are_numbers(columns: tuple[str, ...]) -> bool:

@@ -11,13 +11,13 @@ from common.errors import WayfixError
 from common.settings import convert
 from common.simulation.column_map import IMPORT, ColumnMap, FixColumns, TableShape
 from common.toml_text import toml_lines
-from shore.imports.cell_columns import PlaceColumns
 from shore.imports.cells import is_nothing, number_and_unit
 from shore.imports.columns import ColumnReader
 from shore.imports.guess_names import candidates, plain
 from shore.imports.guess_time import time_of
 from shore.imports.line_counts import Rejected
 from shore.imports.meaning import Doubt, MeaningCheck, cured
+from shore.imports.place_columns import PlaceColumns
 from shore.imports.table_file import TableFile
 
 ROWS: Final = 50_000

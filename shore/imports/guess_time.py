@@ -7,11 +7,11 @@ from typing import Any, Final, NamedTuple
 
 from common.simulation.column_map import TimeColumn
 from common.units import NS_PER_S
-from shore.imports.cell_columns import TimeCells
 from shore.imports.cells import is_nothing, with_point
 from shore.imports.guess_names import candidates, plain
 from shore.imports.line_counts import Rejected
 from shore.imports.table_file import TableFile
+from shore.imports.time_cells import TimeCells
 
 _DATES: Final = (
     "%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%d/%m/%y", "%m/%d/%y",

@@ -8,9 +8,10 @@ from common.geodesy import LocalPlane
 from common.messages import Fix, Heading, TurnRate
 from common.simulation.column_map import ColumnMap, FixColumns, HeadingColumns, ImuColumns
 from common.units import NS_PER_MS
-from shore.imports.cell_columns import BadCell, Cells, NumberColumn, PlaceColumns
+from shore.imports.cell_columns import BadCell, Cells, NumberColumn
 from shore.imports.gpsd import DAY_MS
 from shore.imports.line_counts import Rejected
+from shore.imports.place_columns import PlaceColumns
 from shore.imports.table_file import TableFile
 
 FAR_M: Final = 50_000.0

@@ -7,9 +7,13 @@ from typing import Final
 from common.units import NS_PER_S, NS_PER_US
 
 _ISO: Final = re.compile(
-    r"([0-9]{4})-([0-9]{2})-([0-9]{2})[T ]([0-9]{2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,12}))?"
+    r"([0-9]{4})-([0-9]{2})-([0-9]{2})[T ]([0-9]{2}):([0-9]{2})(?::([0-9]{2})(?:[.,]([0-9]{1,12}))?)?"
     r"\s?(Z|UTC|[+-][0-9]{2}:?[0-9]{2})?"
 )
+_BASIC: Final = re.compile(
+    r"([0-9]{4})([0-9]{2})([0-9]{2})T([0-9]{2})([0-9]{2})([0-9]{2})(?:[.,]([0-9]{1,12}))?(Z|[+-][0-9]{2}:?[0-9]{2})?"
+)
+"""The basic format: 20260512T100800Z."""
 LATEST_UTC_NS: Final = 4_102_444_800 * NS_PER_S
 """The year 2100, ns since 1970."""
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
@@ -17,11 +21,11 @@ _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 def iso_utc_ns(text: str) -> int:
     """UTC of a text in whole us, as ns since 1970; without a zone it is UTC. Raises ValueError with the reason."""
-    match = _ISO.fullmatch(text.strip())
+    match = _ISO.fullmatch(text.strip()) or _BASIC.fullmatch(text.strip())
     if match is None:
         raise ValueError("no ISO 8601")
     *parts, fraction, zone = match.groups()
-    year, month, day, hour, minute, second = (int(part) for part in parts)
+    year, month, day, hour, minute, second = (int(part or 0) for part in parts)
     leap = second == 60  # as the second after it
     try:
         moment = datetime(year, month, day, hour, minute, 59 if leap else second, tzinfo=UTC)
