@@ -84,7 +84,7 @@ def angle_in(text: str, axis: str, decimal: str) -> Angle:
     is_signed = rest[:1] in ("-", "+", "\u2212")
     rest = rest[1:] if is_signed else rest
     has_side = letter is not None or is_signed
-    if letter is None and (match := _SCIENTIFIC.fullmatch(rest)) is not None:
+    if letter is None and _SCIENTIFIC.fullmatch(rest) is not None:
         value = float(rest)
         return Angle(sign * value, is_bare=True, has_side=has_side, digits=len(str(int(min(value, 1e9)))))
     parts = _PART.findall(rest)

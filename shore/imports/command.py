@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -65,8 +66,11 @@ def _guess(arguments: argparse.Namespace) -> int:
     path = Path(arguments.recording[0])
     kind = recognise(path, has_map=True, is_serial=False)
     assert kind is RecordingKind.TABLE
-    sys.stdout.write(proposed(path).text())
-    return 0
+    proposal = proposed(path, time.time())
+    sys.stdout.write(proposal.text())
+    for question, answers in proposal.questions.values():
+        say(f"{path}: {question} Choose in the mapping: {' or '.join(answers)}")
+    return 1 if proposal.questions else 0
 
 
 def given_as(text: str) -> Given:

@@ -94,7 +94,7 @@ def rows_of(stream: TextIO, table: Table) -> Iterator[TableRow]:
     for _ in range(table.first_line):
         stream.readline()
     reader = _reader(stream, table.delimiter)
-    columns, width = table.columns, len(table.columns)
+    columns, width, has_rows, is_over = table.columns, len(table.columns), False, False
     while True:
         try:
             row = next(reader, None)
@@ -111,8 +111,20 @@ def rows_of(stream: TextIO, table: Table) -> Iterator[TableRow]:
             yield TableRow(line, None, "comment" if texts[0].startswith(_COMMENTS) else "head again", is_fault=False)
         elif any(texts[width:]):
             yield TableRow(line, None, f"{len(texts)} fields for {width} columns")
+        elif sorted(texts) == sorted(columns):
+            columns = tuple(texts)
+            yield TableRow(line, None, "head again, in another order", is_fault=False)
+        elif is_over or (has_rows and _is_head(texts, width)):
+            is_over = True
+            yield TableRow(line, None, "from another head on it is another table")
         else:
+            has_rows = has_rows or any(map(_VALUE.fullmatch, texts))
             yield TableRow(line, dict(zip(columns, texts + [""] * (width - len(texts)), strict=False)))
+
+
+def _is_head(texts: Sequence[str], width: int) -> bool:
+    """True for a row of words alone, a word in each column."""
+    return len(texts) == width > 2 and all(re.fullmatch(r"[^\W\d][^\d]*", text) for text in texts)
 
 
 def example_of(table: Table) -> str | None:
@@ -175,8 +187,10 @@ def _headless(
 
 
 def _decimal_of(lines: Sequence[str], delimiter: str) -> str:
-    """The marks of decimals and thousands: a comma for decimals where a cell has it so, and for thousands where a cell
-    with a decimal point, or with two groups, has it so. Where columns are not parted by commas both decimals are read.
+    """The marks of decimals and thousands.
+
+    A comma is for decimals where a cell has it so, and for thousands where a cell with a decimal point, or with two
+    groups, has it so. Where columns are not parted by commas both decimals are read.
     """
     try:
         rows = list(islice(csv.reader(lines, delimiter=delimiter), _LOOKED_AT))

@@ -2,79 +2,62 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, Final
 
 from common.errors import WayfixError
-from common.settings import convert
-from common.simulation.column_map import IMPORT, ColumnMap, FixColumns, TableShape
-from common.toml_text import toml_lines
-from shore.imports.cells import is_nothing, number_and_unit
+from common.simulation.column_map import ColumnMap, TableShape
+from shore.imports.cells import number_and_unit
 from shore.imports.columns import ColumnReader
 from shore.imports.guess_names import candidates, plain
+from shore.imports.guess_places import first, place_of, values_of
 from shore.imports.guess_time import time_of
 from shore.imports.line_counts import Rejected
-from shore.imports.meaning import Doubt, MeaningCheck, cured
-from shore.imports.place_columns import PlaceColumns
+from shore.imports.meaning import LON_SIGN, MIRRORED, SWAPPED, Doubt, MeaningCheck, cured
+from shore.imports.proposal import Proposal
+from shore.imports.reader import opened
+from shore.imports.recognise import HEAD_BYTES
 from shore.imports.table_file import TableFile
 
 ROWS: Final = 50_000
 """So many rows are read to compare the columns with each other."""
-ROUNDS: Final = 3
+ROUNDS: Final = 5
 """So often the proposal is read again after a correction."""
 HELD_SHARE: Final = 0.3
 """Share of rows that repeat the place of the row before, from which on the columns hold their last value."""
-_LEAST_SHARE: Final = 0.8
-"""Share of a column's cells that must be of the kind its name says."""
 _RAD: Final = 57.29577951308232
 _MOST_RAD: Final = 6.2832
-_DECIMALS: Final = 4
-"""So many decimals a place has, where no name tells it."""
-_WHOLE_DEGREES: Final = 1_000_000
-"""Whole numbers from here on are 1e-7 deg (MAVLink)."""
+_VBOX: Final = frozenset(("sats", "time", "lat", "long", "velocity", "heading", "height"))
+"""Columns of a file of a VBOX data logger."""
+_OF_VBOX: Final[dict[str, Any]] = {
+    "lat": "lat", "lon": "long", "scale": 1.0 / 60.0, "lon_scale": -1.0 / 60.0, "alt": "height", "sog": "velocity",
+    "sog_scale": 0.539956803, "cog": "heading",
+}  # fmt: skip
 
 
-@dataclass(slots=True)
-class Proposal:
-    """A mapping on its way, with a comment for each key that is not sure."""
+def proposed(path: Path, now_s: float) -> Proposal:
+    """A mapping that reads the table; raises WayfixError for a table of which no column can be told.
 
-    tables: dict[str, dict[str, Any]]
-    comments: dict[tuple[str, str], str] = field(default_factory=dict)
-    above: list[str] = field(default_factory=list)
-    """Comments on the whole."""
-
-    def mapping(self) -> ColumnMap:
-        """The mapping that the tables are."""
-        return convert(self.tables, ColumnMap, "the proposal", use=IMPORT)
-
-    def text(self) -> str:
-        """The mapping as TOML."""
-        lines, table = [f"# {line}" for line in self.above], ""
-        for line in toml_lines(self.tables):
-            if line.startswith("\n["):
-                table = line.strip("\n[]")
-            comment = self.comments.get((table, line.partition(" = ")[0]))
-            lines.append(f"{line}  # {comment}" if comment else line)
-        return "\n".join(lines) + "\n"
-
-
-def proposed(path: Path) -> Proposal:
-    """A mapping that reads the table; raises WayfixError for a table of which no column can be told."""
+    now_s: UTC, s since 1970.
+    """
+    _refuse_json(path)
     file, shape = _opened(path)
-    time = time_of(file, by_name=not shape)
+    time = time_of(path, file, now_s, by_name=not shape)
     if time is None:
         raise WayfixError("has no column that looks like a time", str(path), _by_hand(file))
     boat = re.sub(r"[^A-Za-z0-9_-]+", "-", path.stem).strip("-")[:32] or "boat"
     proposal = Proposal({"boat": {"id": boat}, **({"table": shape} if shape else {}), "time": time.keys})
     proposal.comments.update({("time", key): words for key, words in time.unsure.items()})
-    used = {time.keys["column"], *time.keys.get("more", ())}
-    for add in (_add_fix, _add_heading, _add_imu):
+    if time.question[1]:
+        proposal.questions["time"] = time.question
+    used = time.columns
+    for add in (_add_fix, _add_heading, _add_quaternion, _add_imu):
         add(proposal, file, used)
     if not {"fix", "heading", "imu"} & proposal.tables.keys():
         raise WayfixError("has no column that looks like a place, a heading or a yaw rate", str(path), _by_hand(file))
-    _compare(proposal, path)
+    if not proposal.questions:  # else it cannot be read yet
+        _compare(proposal, path)
     left = [name for name in file.table.columns if name and name not in used]
     proposal.above = [
         f"Proposed by `wayfix import --guess` for {path.name}. Look at each comment (docs/mapping.md).",
@@ -82,6 +65,14 @@ def proposed(path: Path) -> Proposal:
         *([f"Not used: {', '.join(left)}"] if left else []),
     ]
     return proposal
+
+
+def _refuse_json(path: Path) -> None:
+    with opened(path) as stream:
+        head = stream.read(HEAD_BYTES).lstrip()[:1]
+    if head in (b"{", b"["):
+        cure = "gpsd's and Signal K's JSON is imported as it is, without a mapping; make a CSV table of other JSON"
+        raise WayfixError("is JSON, no table", str(path), cure)
 
 
 def _opened(path: Path) -> tuple[TableFile, dict[str, Any]]:
@@ -109,33 +100,19 @@ def _by_hand(file: TableFile) -> str:
 
 
 def _add_fix(proposal: Proposal, file: TableFile, used: set[str]) -> None:
-    columns = file.table.columns
-    fix: dict[str, Any] = {}
-    lat = _first(file, candidates(columns, "lat"), used)
-    lon = _first(file, candidates(columns, "lon"), used)
-    if "table" in proposal.tables:
-        lat, lon = _pair(file, used)
-    if lat is not None and lon is not None:
-        fix = {"lat": lat, "lon": lon}
-        used |= {lat, lon}
-        if all(abs(value) >= _WHOLE_DEGREES and value == int(value) for value in _values(file, lat)):
-            if file.unit(lat, "angle") is None:
-                fix["scale"] = 1e-7
-        else:
-            fix |= _letters(file, fix, used)
-        if fix.get("packed"):
-            proposal.comments["fix", "packed"] = "ddmm.mmmm? For minutes alone: scale = 0.01666667 instead"
-    else:
-        place = _first_place(file, candidates(columns, "place"))
-        if place is None:
-            return
-        fix = {"place": place}
-        used.add(place)
+    if set(file.table.columns) >= _VBOX:
+        proposal.tables["fix"] = dict(_OF_VBOX)
+        proposal.comments["fix", "lon_scale"] = "VBOX: minutes, + is west; km/h; its heading is the course"
+        used |= {"lat", "long", "velocity", "heading", "height"}
+        return
+    fix = place_of(proposal, file, used)
+    if not fix:
+        return
     if _is_held(file, [fix[key] for key in ("lat", "lon", "place") if key in fix]):
         fix["held"] = True
         proposal.comments["fix", "held"] = "many rows repeat the place of the row before"
     for role in ("alt", "sog", "cog"):
-        column = _first(file, candidates(columns, role), used)
+        column = first(file, candidates(file.table.columns, role), used)
         if column is not None:
             fix[role] = column
             used.add(column)
@@ -146,31 +123,9 @@ def _add_fix(proposal: Proposal, file: TableFile, used: set[str]) -> None:
         _set_angle(proposal, file, ("fix", "cog", "cog_scale"))
 
 
-def _pair(file: TableFile, used: set[str]) -> tuple[str | None, str | None]:
-    """The first two columns side by side, without names, that may be latitude and longitude."""
-    for lat, lon in pairwise(name for name in file.table.columns if name not in used):
-        texts = [(row[lat], row[lon]) for row in file.sample]
-        values = _values(file, lat), _values(file, lon)
-        if (
-            all(len(each.replace(",", ".").partition(".")[2]) >= _DECIMALS for pair in texts[:20] for each in pair)
-            and all(map(len, values))
-            and max(map(abs, values[0])) <= 90.0
-        ):
-            return lat, lon
-    return None, None
-
-
-def _letters(file: TableFile, fix: dict[str, Any], used: set[str]) -> dict[str, Any]:
-    """Columns of the hemisphere, and whether the places are ddmm.mmmm."""
-    places = PlaceColumns(FixColumns(**fix), file.table.decimal, file.sample)
-    found = {key: column for key, column in zip(("north_south", "east_west"), places.letters, strict=True) if column}
-    used |= set(found.values())
-    return {**found, **({"packed": True} if places.is_packed else {})}
-
-
 def _add_heading(proposal: Proposal, file: TableFile, used: set[str]) -> None:
     for column in candidates(file.table.columns, "heading"):
-        values = _values(file, column)
+        values = values_of(file, column)
         if column in used or not values or not any(values):  # a heading of 0 all the time is none
             continue
         heading: dict[str, Any] = {"column": column}
@@ -187,16 +142,27 @@ def _add_heading(proposal: Proposal, file: TableFile, used: set[str]) -> None:
         return
 
 
+def _add_quaternion(proposal: Proposal, file: TableFile, used: set[str]) -> None:
+    """A rotation instead of a heading; whether it counts from north or from east, the places say."""
+    columns = [first(file, candidates(file.table.columns, f"quat_{axis}"), used) for axis in "xyzw"]
+    if "heading" not in proposal.tables and None not in columns and len(set(columns)) == len(columns):
+        proposal.tables["heading"] = {"quaternion": tuple(columns)}
+        proposal.comments["heading", "quaternion"] = (
+            "from north, to starboard? scale = -1.0 and offset_deg = 90.0 where it counts from east (ROS)"
+        )
+        used |= {name for name in columns if name is not None}
+
+
 def _add_imu(proposal: Proposal, file: TableFile, used: set[str]) -> None:
     columns = file.table.columns
-    rate = _first(file, candidates(columns, "yaw_rate"), used)
+    rate = first(file, candidates(columns, "yaw_rate"), used)
     if rate is None:
         return
     imu: dict[str, Any] = {"yaw_rate": rate}
     used.add(rate)
     if file.unit(rate, "rate") is None:
         proposal.comments["imu", "yaw_rate"] = "in deg/s, + bow to starboard? yaw_rate_scale = 57.29578 for rad/s"
-    fwd, stb = (_first(file, candidates(columns, role), used) for role in ("accel_fwd", "accel_stb"))
+    fwd, stb = (first(file, candidates(columns, role), used) for role in ("accel_fwd", "accel_stb"))
     if fwd is not None and stb is not None:
         imu = {"accel_fwd": fwd, "accel_stb": stb, **imu}
         used |= {fwd, stb}
@@ -212,7 +178,7 @@ def _set_angle(proposal: Proposal, file: TableFile, where: tuple[str, str, str])
     """The scale of a direction, where its range tells it and its name does not."""
     table, key, scale = where
     column = proposal.tables[table][key]
-    values = _values(file, column)
+    values = values_of(file, column)
     if not values or file.unit(column, "angle") is not None:
         return
     most = max(map(abs, values))
@@ -232,19 +198,30 @@ def _compare(proposal: Proposal, path: Path) -> None:
         for record in islice(reader.records(), ROWS):
             for measurement in reader.measure(record, record.t_ns or 0):
                 check.add(measurement)
-        findings = check.findings()
-        for finding in findings:
-            _correct(proposal, finding, mapping)
-        if all(finding.factor in {1.0, None} for finding in findings):
+        if not any(_correct(proposal, finding, mapping) for finding in check.findings()):
             break
     proposal.above += [words for account in reader.accounts if (words := account.too_little()) is not None]
 
 
-def _correct(proposal: Proposal, finding: Doubt, mapping: ColumnMap) -> None:
-    table = {"sog_scale": "fix", "scale": "heading", "heading": "heading"}.get(finding.key, "imu")
-    if finding.factor is None and finding.key == "lat":
+def _mirrored(proposal: Proposal, finding: Doubt, fix: dict[str, Any]) -> bool:
+    """Turn places round that the receiver's own course contradicts; True = that changed them."""
+    if finding.key == SWAPPED and "lat" in fix:
+        fix["lat"], fix["lon"] = fix["lon"], fix["lat"]
+        proposal.comments["fix", "lat"] = finding.text
+    elif finding.key == LON_SIGN and "lat" in fix and "lon_scale" not in fix and not fix.get("packed"):
+        fix["lon_scale"] = -float(fix.get("scale", 1.0))
+        proposal.comments["fix", "lon_scale"] = finding.text
+    else:
         proposal.above.append(f"Look at lat and lon: {finding.text}")
-        return
+        return False
+    return True
+
+
+def _correct(proposal: Proposal, finding: Doubt, mapping: ColumnMap) -> bool:
+    """Put a finding into the proposal; True = the table must be read once more."""
+    if finding.key in MIRRORED:
+        return _mirrored(proposal, finding, proposal.tables["fix"])
+    table = {"sog_scale": "fix", "scale": "heading", "heading": "heading"}.get(finding.key, "imu")
     if finding.factor is None:
         column = "column" if finding.key == "heading" else finding.key
         proposal.comments[table, column] = finding.text
@@ -255,7 +232,8 @@ def _correct(proposal: Proposal, finding: Doubt, mapping: ColumnMap) -> None:
                 if mapping.heading
                 else finding.text
             )
-        return
+            return True
+        return False
     column = {"sog_scale": "sog", "scale": "column", "accel_scale": "accel_fwd", "accel_stb_scale": "accel_stb"}.get(
         finding.key, "yaw_rate"
     )
@@ -263,11 +241,12 @@ def _correct(proposal: Proposal, finding: Doubt, mapping: ColumnMap) -> None:
         # The unit is right; which north a heading has, no course can tell.
         if column != "column":
             proposal.comments.pop((table, column), None)
-        return
+        return False
     changed = cured(finding, mapping)
     proposal.tables[table] |= {key: float(f"{value:.10g}") for key, value in changed.items()}
     proposal.comments[table, finding.key] = finding.text
     proposal.comments.pop((table, column), None)
+    return True
 
 
 def _is_held(file: TableFile, columns: Sequence[str]) -> bool:
@@ -280,38 +259,6 @@ def _is_held(file: TableFile, columns: Sequence[str]) -> bool:
 def _is_held_too(proposal: Proposal, file: TableFile, columns: Sequence[str]) -> bool:
     """The same for another sensor of a table whose places are held."""
     return proposal.tables.get("fix", {}).get("held", False) and _is_held(file, columns)
-
-
-def _first(file: TableFile, columns: Sequence[str], used: set[str]) -> str | None:
-    """The first column that holds numbers (or angles), and is not used yet."""
-    return next((name for name in columns if name not in used and _are_values(file, name)), None)
-
-
-def _first_place(file: TableFile, columns: Sequence[str]) -> str | None:
-    for column in columns:
-        places = PlaceColumns(FixColumns(place=column), file.table.decimal, file.sample)
-        try:
-            if any(places.read(row) is not None for row in file.sample[:20]):
-                return column
-        except Rejected:
-            continue
-    return None
-
-
-def _are_values(file: TableFile, column: str) -> bool:
-    texts = [row[column] for row in file.sample if not is_nothing(row[column])]
-    good = sum(any(map(str.isdigit, text)) and len(text) < 24 and ":" not in text for text in texts)
-    return bool(texts) and good >= _LEAST_SHARE * len(texts)
-
-
-def _values(file: TableFile, column: str) -> list[float]:
-    found = []
-    for row in file.sample:
-        try:
-            found.append(number_and_unit(row[column], file.table.decimal)[0])
-        except Rejected:
-            continue
-    return found
 
 
 def _has_unit(file: TableFile, column: str) -> bool:

@@ -2,24 +2,12 @@
 
 import re
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 _CAMEL: Final = re.compile(r"(?<=[a-zäöü])(?=[A-Z][a-zäöü])|(?<=[a-z])(?=[A-Z]\b)")
 _NO_WORD: Final = re.compile(r"[^a-z0-9äöüéèíóßµ]+")
 _BRACKETED: Final = re.compile(r"[(\[{](?![0-9][)\]}])[^)\]}]*[)\]}]")
 """What stands in brackets; an index (`q[0]`) is part of the name."""
-
-
-class Kind(NamedTuple):
-    """What a column may be: the names of its role, and what its numbers can be."""
-
-    names: str
-    """Whole names (in small letters, words parted by blanks, without units and prefixes), as a regular expression."""
-    quantity: str | None = None
-    """The quantity of `units.UNITS` whose units it may have."""
-    low: float = -float("inf")
-    high: float = float("inf")
-    """What its numbers can be in any of the units that loggers use; a column with others is of another kind."""
 
 
 _LAT: Final = r"(lat|lati?titude|latitude|lattitude|breite|breitengrad|geograph\w* breite|latitud|y lat)"
@@ -29,8 +17,8 @@ _LON: Final = (
 _DEG: Final = r"( ?(d|dd|deg|degs|degrees?|grad|grados|degrés))?"
 _MIN: Final = r" ?(m|mm|min|mins|minutes?|minuten|minutos)( dec(imal)?)?"
 _SEC: Final = r" ?(s|ss|sec|secs|seconds?|sekunden|segundos|secondes)"
-KINDS: Final[dict[str, Kind]] = {
-    "time": Kind(
+NAMES: Final[dict[str, str]] = {
+    "time": (
         r"date|datum|fecha|utc|gmt|datetime|date ?time|timestamp|time ?stamp|time|zeit|uhrzeit|zeitstempel|heure|hora|"
         r"stamp|ts|recorded ?at|created ?at|datenum|jd|mjd|julian( day| date)?|"
         r"time ?us|time ?ms|time s|time ns|millis|micros|nanos|epoch( ms| us| ns)?|unix|unix ?time|t|sec|secs|seconds|"
@@ -41,63 +29,52 @@ KINDS: Final[dict[str, Kind]] = {
         r"( utc| gmt| local| iso| lt| lmt| gps)?|utc ?(date|time|datetime)|local|local ?time|ortszeit|heure locale|"
         r"hora local|heure utc|hora utc|date utc|fecha utc|zeit utc"
     ),
-    "lat": Kind(f"{_LAT}{_DEG}|{_LAT} (n|s|north|south)|position lat|lat ?e ?7"),
-    "lon": Kind(f"{_LON}{_DEG}|{_LON} (e|w|east|west)|long deg|lon ?e ?7|lng ?e ?7"),
-    "lat_min": Kind(_LAT + _MIN, low=-60.0, high=60.0),
-    "lon_min": Kind(_LON + _MIN, low=-60.0, high=60.0),
-    "lat_sec": Kind(_LAT + _SEC, low=-60.0, high=60.0),
-    "lon_sec": Kind(_LON + _SEC, low=-60.0, high=60.0),
-    "place": Kind(
+    "lat": f"{_LAT}{_DEG}|{_LAT} (n|s|north|south)|position lat|lat ?e ?7",
+    "lon": f"{_LON}{_DEG}|{_LON} (e|w|east|west)|long deg|lon ?e ?7|lng ?e ?7",
+    "lat_min": _LAT + _MIN,
+    "lon_min": _LON + _MIN,
+    "lat_sec": _LAT + _SEC,
+    "lon_sec": _LON + _SEC,
+    "place": (
         r"position|pos|coordinates?|coords?|lat ?lon|lat ?long|lat ?lng|location|latitude longitude|wkt|geom|geometry|"
         r"posici[oó]n|the geom|wkt geom"
     ),
-    "sog": Kind(
+    "sog": (
         r"sog|speed|spd|gps speed|gspeed|g ?speed|ground ?speed|speed over ground|fahrt|fahrt über grund|"
         r"geschwindigkeit|vel m s|gps ?spd|"
-        r"vitesse|velocidad|velocity|vel|speed 2d|horizontal speed|knots|kts|kn|kmh|kph|mph",
-        "speed", 0.0, 60_000.0,
+        r"vitesse|velocidad|velocity|vel|speed 2d|horizontal speed|knots|kts|kn|kmh|kph|mph"
     ),
-    "cog": Kind(
+    "cog": (
         r"cog|course|crs|gcrs|g ?crs|track|track true|course over ground|ground ?course|kurs|kurs über grund|"
-        r"rumbo|route|course true|heading ?motion|head ?mot|bearing",
-        "angle", -36_001.0, 36_001.0,
+        r"rumbo|route|course true|heading ?motion|head ?mot|bearing"
     ),
-    "heading": Kind(
+    "heading": (
         r"heading|hdg|hdt|hdm|yaw|compass|kompass|compass heading|magnetic heading|true heading|heading true|"
-        r"heading magnetic|heading mag|steuerkurs|cap|psi|azimuth|yaw ?u|euler ?z|heading yaw",
-        "angle", -36_001.0, 36_001.0,
+        r"heading magnetic|heading mag|steuerkurs|cap|psi|azimuth|yaw ?u|euler ?z|heading yaw"
     ),
-    "yaw_rate": Kind(
+    "yaw_rate": (
         r"yaw ?rate|rate of turn|rot|turn ?rate|yaw ?speed|gyro? ?z|gyr ?z|g ?z|w ?z|omega ?z|gyroscope ?z|"
-        r"angular velocity z|angular ?rate ?z|drehrate|psi dot|heading ?rate|r",
-        "rate",
+        r"angular velocity z|angular ?rate ?z|drehrate|psi dot|heading ?rate|r"
     ),
-    "accel_fwd": Kind(
-        r"(linear )?acc(el|eleration|elerometer)? ?x|a ?x|surge dot|acc(el)? ?(fwd|forward)|a fwd", "acceleration"
-    ),
-    "accel_stb": Kind(
-        r"(linear )?acc(el|eleration|elerometer)? ?y|a ?y|sway dot|acc(el)? ?(stb|starboard)|a stb", "acceleration"
-    ),
-    "alt": Kind(
-        r"alt|altitude|height|höhe|hoehe|elevation|ele|hmsl|msl|alt ?msl|amsl|altitude ?amsl|altitud|hauteur",
-        "length", -1000.0, 100_000_000.0,
-    ),
-    "week": Kind(r"week|gps ?week|gwk|week ?no|wn|week number", None, 0.0, 5000.0),
-    "tow": Kind(r"i?tow|gps ?tow|gms|time ?of ?week|tow ?m?s|sow|gps ?sow|seconds of week", None, 0.0, 604_800_000.0),
-    "year": Kind(r"year|yyyy|yy|jahr|año|ano|année|annee", None, 0.0, 2100.0),
-    "month": Kind(r"month|mon|mm|mo|monat|mes|mois", None, 1.0, 12.0),
-    "day": Kind(r"day|dd|tag|día|dia|jour", None, 1.0, 31.0),
-    "hour": Kind(r"hours?|hh|hr|stunde|hora|heure", None, 0.0, 23.0),
-    "minute": Kind(r"minutes?|min|mi|minuto", None, 0.0, 59.0),
-    "second": Kind(r"seconds?|sec|ss|sekunde|segundo|seconde", None, 0.0, 60.0),
-    "quat_x": Kind(r"(orientation|quaternion|quat|q) ?x|q ?1", None, -1.01, 1.01),
-    "quat_y": Kind(r"(orientation|quaternion|quat|q) ?y|q ?2", None, -1.01, 1.01),
-    "quat_z": Kind(r"(orientation|quaternion|quat|q) ?z|q ?3", None, -1.01, 1.01),
-    "quat_w": Kind(r"(orientation|quaternion|quat|q) ?w|q ?0", None, -1.01, 1.01),
-    "map_x": Kind(r"x"),
-    "map_y": Kind(r"y"),
-}  # fmt: skip
-"""Every kind of column."""
+    "accel_fwd": (r"(linear )?acc(el|eleration|elerometer)? ?x|a ?x|surge dot|acc(el)? ?(fwd|forward)|a fwd"),
+    "accel_stb": (r"(linear )?acc(el|eleration|elerometer)? ?y|a ?y|sway dot|acc(el)? ?(stb|starboard)|a stb"),
+    "alt": (r"alt|altitude|height|höhe|hoehe|elevation|ele|hmsl|msl|alt ?msl|amsl|altitude ?amsl|altitud|hauteur"),
+    "week": r"week|gps ?week|gwk|week ?no|wn|week number",
+    "tow": r"i?tow|gps ?tow|gms|time ?of ?week|tow ?m?s|sow|gps ?sow|seconds of week",
+    "year": r"year|yyyy|yy|jahr|año|ano|année|annee",
+    "month": r"month|mon|mm|mo|monat|mes|mois",
+    "day": r"day|dd|tag|día|dia|jour",
+    "hour": r"hours?|hh|hr|stunde|hora|heure",
+    "minute": r"minutes?|min|mi|minuto",
+    "second": r"seconds?|sec|ss|sekunde|segundo|seconde",
+    "quat_x": r"(orientation|quaternion|quat|q) ?x|q ?1",
+    "quat_y": r"(orientation|quaternion|quat|q) ?y|q ?2",
+    "quat_z": r"(orientation|quaternion|quat|q) ?z|q ?3",
+    "quat_w": r"(orientation|quaternion|quat|q) ?w|q ?0",
+    "map_x": r"x",
+    "map_y": r"y",
+}
+"""Whole names (in small letters, words parted by blanks, without units and prefixes) of each role."""
 _PREFIXES: Final = re.compile(
     r"^(gps|gnss|imu|ins|ekf|nav|navigation|vehicle|global position|attitude|vfr hud|gps1|imu1|nmea|rmc|gga|field|pos|"
     r"mavlink [a-z0-9 ]*? t)\s+"
@@ -114,8 +91,10 @@ _WHOLE: Final = ("week", "tow", "year", "month", "day", "hour", "minute", "secon
                  "lon_min", "lat_sec", "lon_sec")  # fmt: skip
 """Roles whose names are too short to be the last word of another name."""
 _UTC: Final = frozenset(("utc", "gmt", "zulu"))
-_LOCAL: Final = frozenset(("local", "lt", "lmt", "ortszeit", "locale", "cet", "cest", "mez", "mesz", "est", "edt", "pst",
-                           "pdt", "bst", "boat", "ship", "ortszeit", "lokal"))  # fmt: skip
+_LOCAL: Final = frozenset((
+    "local", "lt", "lmt", "ortszeit", "locale", "cet", "cest", "mez", "mesz", "est", "edt", "pst", "pdt", "bst", "boat",
+    "ship", "lokal",
+))  # fmt: skip
 _NO_UTC: Final = frozenset(("gpst", "tai"))
 
 
@@ -126,7 +105,7 @@ def plain(name: str) -> str:
 
 def candidates(columns: Sequence[str], role: str) -> list[str]:
     """The columns whose name is one of a role, the likeliest first."""
-    pattern = re.compile(KINDS[role].names)
+    pattern = re.compile(NAMES[role])
     found = []
     for place, column in enumerate(columns):
         text = plain(column)

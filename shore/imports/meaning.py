@@ -61,18 +61,33 @@ _SPEED: Final = (
     Cause(M_S_PER_KN, "was it turned into knots twice?"),
     Cause(1609.344 / 1852.0, "is it in mph?"),
 )
+SWAPPED: Final = "lat and lon"
+LON_SIGN: Final = "lon"
+LAT_SIGN: Final = "lat"
+MIRRORED: Final = (SWAPPED, LON_SIGN, LAT_SIGN)
+"""Keys of doubts of a mirrored map."""
 _MIRRORS: Final = (
-    (90.0, "are latitude and longitude swapped?"),
-    (0.0, "has the longitude the wrong sign (W is negative)?"),
-    (180.0, "has the latitude the wrong sign (S is negative)?"),
+    (90.0, SWAPPED, "are latitude and longitude swapped?"),
+    (0.0, LON_SIGN, "has the longitude the wrong sign (W is negative)?"),
+    (180.0, LAT_SIGN, "has the latitude the wrong sign (S is negative)?"),
 )
 """Sum of true and mirrored course, deg."""
 FAR_OFF_DEG: Final = 45.0
 NEAR_DEG: Final = 20.0
+AGREED_DEG: Final = 10.0
+"""Two courses over ground that agree so far are not doubted, whatever a mirrored map would give."""
 _HEADING: Final = (
     Cause(_RAD, "is it in radians?"),
     Cause(-1.0, "does it count anticlockwise, from east, or has lat or lon the wrong sign?"),
 )
+BACK_DEG: Final = 180.0
+_BOWS: Final = (
+    (_RAD, 0.0, "is it in radians?"),
+    (-1.0, 90.0, "does it count anticlockwise, from east?"),
+    (-_RAD, 90.0, "is it in radians, anticlockwise from east?"),
+    (1.0, BACK_DEG, "is it mounted backwards, or does the boat go astern?"),
+)
+"""Factor and offset, deg, that make a course of a heading."""
 
 
 class Doubt(NamedTuple):
@@ -132,7 +147,12 @@ class MeaningCheck:
         means = WindowMeans(self._series, min(starts), max(ends))
         turn = _yaw_rate_doubt(means)
         is_turned = turn is not None and turn.factor is not None and turn.factor < 0.0
-        found = [_heading_doubt(means), turn, _forward_doubt(means), _starboard_doubt(means, is_turned=is_turned)]
+        found = [
+            _heading_doubt(means) or _bow_doubt(means),
+            turn,
+            _forward_doubt(means),
+            _starboard_doubt(means, is_turned=is_turned),
+        ]
         found.append(_speed_doubt(means))
         if (mirrored := _mirror_doubt(means)) is not None:
             found[0] = mirrored  # by such places no heading can be judged
@@ -243,6 +263,24 @@ def _heading_doubt(means: WindowMeans) -> Doubt | None:
     return None
 
 
+def _bow_doubt(means: WindowMeans) -> Doubt | None:
+    """Heading beside the course of the places themselves, on a straight way too."""
+    if "heading" not in means.of or not hasattr(means, "v_east"):
+        return None
+    course = np.degrees(np.arctan2(means.v_east, means.v_north))
+    said = (means.of["heading"][1:] + means.of["heading"][:-1]) / 2.0
+    good = np.isfinite(course) & np.isfinite(said) & (np.hypot(means.v_east, means.v_north) > 1.0)
+    off_deg = _off(said[good] - course[good]) if good.sum() >= LEAST_WINDOWS else 0.0
+    if off_deg < NEAR_DEG:
+        return None
+    text = f"the places move to {course[good][0] % 360:.0f} deg where the heading says {said[good][0]:.3g}"
+    for factor, offset_deg, guess in _BOWS:
+        if _off(factor * said[good] + offset_deg - course[good]) < min(NEAR_DEG, off_deg / 3.0):
+            return Doubt(f"{text}: {guess}", "heading" if offset_deg == BACK_DEG else "scale",
+                         None if offset_deg == BACK_DEG else factor)  # fmt: skip
+    return None if off_deg < FAR_OFF_DEG else Doubt(f"{text}: is it the direction of the bow?", "heading", None)
+
+
 def _beside_course(means: WindowMeans, name: str) -> tuple[Array | None, Array | None]:
     """Changes of the course of the places, deg, and of a quantity beside them; only at 1 m/s and more."""
     if name not in means.of or not hasattr(means, "v_east"):
@@ -264,12 +302,13 @@ def _mirror_doubt(means: WindowMeans) -> Doubt | None:
     course = np.degrees(np.arctan2(means.v_east, means.v_north))
     said = (means.of["cog"][1:] + means.of["cog"][:-1]) / 2.0
     good = np.isfinite(course) & np.isfinite(said) & (np.hypot(means.v_east, means.v_north) > 1.0)
-    if good.sum() < LEAST_WINDOWS or _off(course[good] - said[good]) < FAR_OFF_DEG:
+    off_deg = _off(course[good] - said[good]) if good.sum() >= LEAST_WINDOWS else 0.0
+    if off_deg < AGREED_DEG:
         return None
-    for whole_deg, guess in _MIRRORS:
-        if _off(course[good] + said[good] - whole_deg) < NEAR_DEG:
+    for whole_deg, key, guess in _MIRRORS:
+        if _off(course[good] + said[good] - whole_deg) < min(NEAR_DEG, off_deg / 3.0):
             text = f"the places move to {course[good][0] % 360:.0f} deg where the course says {said[good][0] % 360:.0f}"
-            return Doubt(f"{text}: {guess}", "lat", None)
+            return Doubt(f"{text}: {guess}", key, None)
     return None
 
 
@@ -300,7 +339,7 @@ def words_of(doubt: Doubt, mapping: ColumnMap | None) -> str:
 
 
 def _cure(doubt: Doubt, mapping: ColumnMap) -> str:
-    if doubt.key == "lat":
+    if doubt.key in MIRRORED:
         return "correct lat and lon of [fix]"
     if doubt.factor is None:
         return f"give {doubt.key} the right column, or leave it out"

@@ -149,7 +149,8 @@ def has_date(form: str | None) -> bool:
 
 def _english(match: re.Match[str]) -> str:
     word = match[0].casefold()
-    return next((name for name, begins in _MONTHS.items() if re.match(begins, word)), match[0])
+    name = next((name for name, begins in _MONTHS.items() if re.match(begins, word)), match[0])
+    return f"{name} " if word.endswith(".") else name
 
 
 def _formats(given: str) -> tuple[str, ...]:

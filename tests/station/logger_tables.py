@@ -1,4 +1,4 @@
-"""Tables as loggers, autopilots and office programs write them, made from one known voyage, and what is right of each."""
+"""Tables as loggers, autopilots and office programs write them, of one known voyage, and what is right of each."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -65,7 +65,8 @@ class Row:
         return {
             "k": self.k, "t": self.t, "lt": self.t + timedelta(hours=2), "gt": self.t + timedelta(seconds=LEAP_S),
             "lat": self.lat, "lon": self.lon, "cog": self.cog, "rate": self.rate, "kn": self.kn, "m_s": SPEED_M_S,
-            "kmh": SPEED_M_S * 3.6, "mph": SPEED_M_S / 0.44704, "unix": round(unix), "ms": 1_000_000 + self.k * 1000, "frac": (unix - midnight.timestamp()) / 86400.0,
+            "kmh": SPEED_M_S * 3.6, "mph": SPEED_M_S / 0.44704, "unix": round(unix),
+            "ms": 1_000_000 + self.k * 1000, "frac": (unix - midnight.timestamp()) / 86400.0,
             "excel": unix / 86400.0 + 25_569, "excel0": round(midnight.timestamp() / 86400.0) + 25_569,
             "matlab": unix / 86400.0 + 719_529, "julian": unix / 86400.0 + 2_440_587.5,
             "since_1904": round(unix) + 2_082_844_800, "since_2001": round(unix) - 978_307_200,
@@ -76,12 +77,18 @@ class Row:
             "ay": SPEED_M_S * math.radians(self.rate), "rad": math.radians(self.cog), "rad_s": math.radians(self.rate),
             "qz": math.sin(yaw), "qw": math.cos(yaw), "rz": math.sin(ros), "rw": math.cos(ros),
             "back": (self.cog + 180.0) % 360.0, "enu": (90.0 - self.cog) % 360.0,
-            "lon360": self.lon_deg % 360.0, "west_minutes": -self.lon_deg * 60.0, "hms": self.t.strftime("%H%M%S"), "dmy": int(self.t.strftime("%d%m%y")),
+            "lon360": self.lon_deg % 360.0, "west_minutes": -self.lon_deg * 60.0,
+            "hms": self.t.strftime("%H%M%S"), "dmy": int(self.t.strftime("%d%m%y")),
         }  # fmt: skip
 
 
 def voyage(
-    begin: datetime = BEGIN, place: tuple[float, float] = VIGO, rows: int = ROWS, *, cog: float = 40.0, turn: bool = True
+    begin: datetime = BEGIN,
+    place: tuple[float, float] = VIGO,
+    rows: int = ROWS,
+    *,
+    cog: float = 40.0,
+    turn: bool = True,
 ) -> list[Row]:
     """One row a second: straight, then a turn to starboard, then to port."""
     made, (lat, lon) = [], place
@@ -108,7 +115,7 @@ class Table:
     has_utc: bool = True
     """False = nothing in the file says the day, or that it is UTC."""
     rows: Sequence[Row] = ()
-    order: Callable[[list[str]], list[str]] = staticmethod(lambda lines: lines)  # type: ignore[assignment]
+    order: Callable[[list[str]], list[str]] = list
     encoding: str = "utf-8"
     magnetic: bool = False
     name: str = "in.csv"
@@ -135,6 +142,7 @@ def near(day: datetime, place: tuple[float, float] = VIGO, *, cog: float = 40.0,
 
 JANUARY = near(datetime(2026, 1, 5, 8, 8, tzinfo=UTC))
 LATE = near(datetime(2026, 5, 22, 15, 8, tzinfo=UTC))
+LONG = voyage(rows=120)
 FRISCO, AUCKLAND, SINGAPORE = (37.8, -122.4), (-36.84, 174.76), (1.25, 103.8)
 
 
@@ -195,7 +203,7 @@ PLACES: Final[dict[str, Table]] = {
                                             right="refused"),
     "swapped names, San Francisco": of_place(replace(_SWAPPED, right="read"), FRISCO),
     "swapped names, Auckland": of_place(_SWAPPED, AUCKLAND),
-    "swapped names, both fit, with a course": _SWAPPED,
+    "swapped names, both fit, with a course": replace(_SWAPPED, rows=near(BEGIN, cog=110.0)),
     "swapped names, no course": replace(of_place(_SWAPPED, FRISCO), head="time,lat,lon",
                                         row=f"{ISO},{{lon.value:.6f}},{{lat.value:.6f}}", parts="fix", right="safe"),
     "x and y of a map": Table("X,Y,fid,track_fid,time,speed", "{lon.value:.7f},{lat.value:.7f},{k},0," + ISO
@@ -225,12 +233,12 @@ PLACES: Final[dict[str, Table]] = {
     "two heads, another order": Table(
         "time,lat,lon,sog,cog", f"{ISO},{PLACE},{WAY}",
         order=lambda lines: [*lines[:30], "time,sog,cog,lat,lon",
-                             *(",".join((a, d, e, b, c)) for a, b, c, d, e in (x.split(",") for x in lines[30:]))],
+                             *(f"{a},{d},{e},{b},{c}" for a, b, c, d, e in (x.split(",") for x in lines[30:]))],
     ),
     "two heads, other names": Table(
         "time,lat,lon,sog,cog", f"{ISO},{PLACE},{WAY}", right="refused",
         order=lambda lines: [*lines[:20], "Date,Speed,Course,Breite,Laenge",
-                             *(",".join((a, d, e, b, c)) for a, b, c, d, e in (x.split(",") for x in lines[20:]))],
+                             *(f"{a},{d},{e},{b},{c}" for a, b, c, d, e in (x.split(",") for x in lines[20:]))],
     ),
     "cat b a": Table("time,lat,lon,sog,cog", f"{ISO},{PLACE},{WAY}", order=lambda lines: lines[30:] + lines[:30]),
     "shuffled": Table("time,lat,lon,sog,cog", f"{ISO},{PLACE},{WAY}",
@@ -238,9 +246,10 @@ PLACES: Final[dict[str, Table]] = {
     "shuffled counter": Table("millis,lat,lon,sog,cog", "{k}000," + PLACE + "," + WAY, has_utc=False,
                               order=lambda lines: [lines[k * 29 % 48] for k in range(48)]),
     "JSON lines": Table("", '{{"time":"' + ISO + '","pos":{{"lat":{lat.value:.7f},"lon":{lon.value:.7f}}},'
-                        '"sog":{kn:.3f},"cog":{cog:.2f}}}'),
+                        '"sog":{kn:.3f},"cog":{cog:.2f}}}', right="refused"),
     "a JSON array": Table("", '{{"ts":{unix}000,"latitude":{lat.value:.7f},"longitude":{lon.value:.7f},"speed_kn":'
-                          '{kn:.3f},"course":{cog:.2f}}}', order=lambda lines: ["[" + ",\n".join(lines) + "]"]),
+                          '{kn:.3f},"course":{cog:.2f}}}', right="refused",
+                          order=lambda lines: ["[" + ",\n".join(lines) + "]"]),
 }  # fmt: skip
 
 _EATEN = Table("date,time,lat,lon,sog,cog", "{dmy},{hms},{lat.packed:.4f},{lon.sign}{lon.packed:.4f}," + WAY)
@@ -402,7 +411,7 @@ LOGGERS: Final[dict[str, Table]] = {
     ),
     "ROS stamps and a quaternion": Table(
         "header.stamp.secs,header.stamp.nsecs,latitude,longitude,orientation.x,orientation.y,orientation.z,"
-        "orientation.w", "{unix},0," + PLACE + ",0,0,{rz:.7f},{rw:.7f}", parts="fix heading",
+        "orientation.w", "{unix},0," + PLACE + ",0,0,{rz:.7f},{rw:.7f}", parts="fix heading", rows=LONG,
     ),
     "NMEA in a table": Table("Date,UTC,Status,Latitude,N/S,Longitude,E/W,Speed,Course,HDOP",
                              "{dmy:06d},{hms}.00,A,{lat.packed:.4f},{lat.h},{lon.packed:010.4f},{lon.h}," + WAY
@@ -411,7 +420,8 @@ LOGGERS: Final[dict[str, Table]] = {
     "a balloon of Arduino": Table("millis,gps_time,lat,lon,alt,speed,course", "{ms},{hms}00,{lat.e6},{lon.e6},420,"
                                   "{ckn},{cdeg}", has_utc=False, right="safe"),
     "heading in rad": Table("time,lat,lon,heading", ISO + f",{PLACE},{{rad:.4f}}", parts="fix heading"),
-    "heading counted from east": Table("time,lat,lon,yaw", ISO + f",{PLACE},{{enu:.2f}}", parts="fix heading"),
+    "heading counted from east": Table("time,lat,lon,yaw", ISO + f",{PLACE},{{enu:.2f}}", parts="fix heading",
+                                       rows=LONG),
     "heading of a unit mounted backwards": Table("time,lat,lon,heading", ISO + f",{PLACE},{{back:.2f}}",
                                                  parts="fix", right="safe"),
     "heading 0 beside a course": Table("time,lat,lon,cog,heading", ISO + f",{PLACE},{{cog:.2f}},0.0", parts="fix cog"),

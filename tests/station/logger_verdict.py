@@ -14,6 +14,8 @@ from shore.imports.guess import proposed
 from tests.station.logger_tables import Row, Table
 
 _DEG_M = 111_195.0
+NOW_S = 1_798_000_000.0
+"""In December 2026."""
 
 
 class Verdict(NamedTuple):
@@ -30,11 +32,11 @@ def verdict(table: Table, directory: Path) -> Verdict:
     path = directory / table.name
     path.write_bytes(table.data())
     try:
-        proposal = proposed(path)
+        proposal = proposed(path, NOW_S)
     except WayfixError as refusal:
         return Verdict("refused", str(refusal))
     text = proposal.text()
-    if getattr(proposal, "questions", None):
+    if proposal.questions:
         return Verdict("asked", str(proposal.questions), text)
     (directory / "map.toml").write_text(text, encoding="utf-8")
     try:
@@ -56,7 +58,7 @@ def _wrong(table: Table, found: list[Measurement], *, is_utc: bool) -> list[str]
     if is_utc != table.has_utc:
         wrong.append(f"UTC is {'claimed' if is_utc else 'not taken'}")
     zero_ns = truth[0].t.timestamp() * NS_PER_S - (0 if is_utc else min(each.t_ns for each in found) if found else 0)
-    parts = set()
+    parts = set[str]()
     for each in found:
         second = (each.t_ns + (0 if is_utc else zero_ns)) / NS_PER_S - truth[0].t.timestamp()
         k = round(second)

@@ -18,6 +18,8 @@ from tests.cases import CASES, needs_cases
 from tests.recordings import REPOSITORY, SHARED_DATA
 from tests.station.imports import Imported, Importer
 
+NOW_S = 1_780_300_000.0
+"""In June 2026: what can be the 5th of December is the 12th of May."""
 LOGGERS = {
     "excel": "sep=;\r\nDatum;Uhrzeit;Breite;Länge;Fahrt (km/h);Kurs\r\n"
     + "".join(f"12.05.2026;10:08:{k:02d};42,23{k:02d};-8,74;9,3;0\r\n" for k in range(20)),
@@ -45,7 +47,7 @@ def importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Importer:
 
 
 def by_its_proposal(importer: Importer, source: Path) -> tuple[dict[str, Any], Imported]:
-    text = proposed(source).text()
+    text = proposed(source, NOW_S).text()
     mapping = importer.directory / "map.toml"
     mapping.write_text(text, encoding="utf-8")
     return tomllib.loads(text), importer(source, "--map", str(mapping))
@@ -91,7 +93,7 @@ def test_units_and_signs_that_no_name_tells(importer: Importer) -> None:
 def test_the_mapping_of_a_car_is_found_again() -> None:
     (path,) = (SHARED_DATA / "car-imu-gps").glob("*.csv")
     example = tomllib.loads((REPOSITORY / "deploy" / "examples" / "car-imu-gps-map.toml").read_text())
-    found = tomllib.loads(proposed(path).text())
+    found = tomllib.loads(proposed(path, NOW_S).text())
     assert found["imu"] == example["imu"]
     assert "heading" not in found  # its yaw is none
     assert found["fix"]["sog_scale"] == pytest.approx(example["fix"]["sog_scale"])
@@ -107,7 +109,7 @@ def test_the_mapping_of_a_car_is_found_again() -> None:
 def test_what_cannot_be_proposed_is_one_sentence(text: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(WayfixError, match=words) as caught:
-        proposed(tmp_path / "a.csv")
+        proposed(tmp_path / "a.csv", NOW_S)
     assert caught.value.cure
 
 
