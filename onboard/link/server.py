@@ -39,6 +39,8 @@ NEWS_PER_S: Final = 2.0
 COMMANDS_AT_ONCE: Final = 10
 COMMANDS_PER_S: Final = 2.0
 """Rate limit of the commands of one key, a second."""
+GOODBYE_S: Final = 0.3
+"""Time in which a key that was removed is sent the reason, s, before its connection is cut."""
 READING_COMMANDS: Final = ("status", "raw")
 """Commands that change nothing: the right to read is enough."""
 NOT_LISTED: Final = "this station's key is not on the board's list"
@@ -130,11 +132,15 @@ class Server:
         self._filling.wake()
 
     def reload(self) -> None:
-        """The allow list changed: sessions of keys that are no longer on it end at once."""
+        """The allow list changed: sessions and connections of keys that are no longer on it end at once."""
         for key, client in list(self._sessions.items()):
-            if "read" not in (self._rights(client.key) or ()):
+            if not self._may_read(client.key):
                 self._send(client, [session.pack("error", what=NOT_LISTED, cure=CURE_PAIR)])
                 self._forget(key, "its key was removed")
+        asyncio.get_running_loop().call_later(GOODBYE_S, self._router.cut_unless, self._may_read)
+
+    def _may_read(self, key: str | None) -> bool:
+        return "read" in (self._rights(key) or ())
 
     async def drain(self, deadline_s: float) -> None:
         """Give clients a moment to take the last frames."""
@@ -162,7 +168,7 @@ class Server:
 
     def _receive(self, routing_id: bytes, key: str | None, parts: list[bytes]) -> None:
         try:
-            if "read" in (self._rights(key) or ()):
+            if self._may_read(key):
                 self._answer(routing_id, key, session.unpack(parts[0] if len(parts) == 1 else b""))
             else:
                 self._reply(routing_id, "error", what=NOT_LISTED, cure=CURE_PAIR)
