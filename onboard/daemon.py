@@ -41,6 +41,8 @@ DRAIN_S: Final = 0.5
 GOODBYE_S: Final = 1.0
 """Time that clients have to say goodbye, s; with the other waits of the end less than TimeoutStopSec= of the
 service."""
+CONNECTIONS_OF_CLIENT: Final = 4
+"""Connections for each client that has a place: some have just come, others are gone and not yet missed."""
 CUTS_AT_ONCE: Final = 3
 CUTS_PER_S: Final = 0.05
 """Rate limit of what is said of cut connections, and of faults of the loop, a second: a flood fills no journal."""
@@ -97,7 +99,7 @@ class Daemon:
         self._context = zmq.Context()
         self._access = Access(self._context, allow_list, self._journal)
         self.server = Server(
-            Router(self._context, self._access.secret_key, self._cut),
+            Router(self._context, self._access.secret_key, self._cut, CONNECTIONS_OF_CLIENT * config.link.max_clients),
             self.spool,
             connected=self._connected,
             frame_period_ns=self.period_ns,

@@ -87,6 +87,8 @@ class Server:
         self._next_seq = 0
         self._boot_id = ""
         self._header = b""
+        self._greeting: list[bytes] = []
+        """Good until the next frame; empty = none is made yet."""
         self._last_with_fix: LiveFrame | None = None
         self._frame_period_ns = frame_period_ns
         self._filling = Filling(store, self._send, self._end, limits.fill_bytes_per_s)
@@ -113,6 +115,7 @@ class Server:
     def publish(self, frame: Frame) -> None:
         """Store one new frame and hand it to every session that has room."""
         self._next_seq = frame.seq + 1
+        self._greeting.clear()
         self._boot_id = frame.boot_id
         try:
             data = encode_frame(frame)
@@ -202,6 +205,11 @@ class Server:
         self._greet(routing_id)
 
     def _greet(self, routing_id: bytes) -> None:
+        if not self._greeting:
+            self._greeting.append(self._new_greeting())
+        self._router.send(routing_id, self._greeting)
+
+    def _new_greeting(self) -> bytes:
         held = self._store.runs()
         unlisted, listed = held[: -session.MAX_RUNS], held[-session.MAX_RUNS :]
         greeting = {
@@ -210,7 +218,7 @@ class Server:
             "runs": [[run.boot_id, run.start_no, run.first_seq, run.next_seq] for run in listed],
             "unlisted": [len(unlisted), sum(run.next_seq - run.first_seq for run in unlisted)],
         }
-        self._reply(routing_id, "connected", **greeting, **self._connected())
+        return session.pack("connected", **greeting, **self._connected())
 
     def _lease(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
         received_ns = boottime_ns()
