@@ -264,11 +264,11 @@ def _attack(peers: Sequence[Peer], over: Any, sent: Any) -> None:
 
 
 class Flood:
-    """Sends the same bytes as fast as it can, and comes back each time it is cut; for use with `with`."""
+    """Sends the same bytes, and comes back each time it is cut; for use with `with`."""
 
-    def __init__(self, port: int, data: bytes) -> None:
+    def __init__(self, port: int, data: bytes, bytes_per_s: float) -> None:
         self.sent = self.cuts = 0
-        self._peer = Raw(port, data)
+        self._peer = Paced(Raw(port, data), bytes_per_s)
         self._is_over = False
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -284,9 +284,12 @@ class Flood:
     def _run(self) -> None:
         while not self._is_over:
             try:
-                self.sent += self._peer.step()
+                sent = self._peer.step()
             except OSError:
                 self.cuts += 1
+            else:
+                self.sent += sent
+                time.sleep(0.0 if sent else 0.001)
 
 
 def crowd(port: int, count: int) -> list[socket.socket]:

@@ -320,17 +320,22 @@ def test_a_peer_that_hangs_up_behind_many_messages_does_not_end_the_daemon(board
     link.close()
 
 
-FLOODS = {"parts": (PART * 8, 1), "leases": (message(LEASE) * 20, 4), "bad": (message(b"x" * 1000) * 20, 4)}
+FLOODS = {
+    "parts": (PART * 8, 1, 100e6),
+    "leases": (message(LEASE) * 20, 4, 5e6),
+    "bad": (message(b"x" * 1000) * 20, 4, 5e6),
+}
+"""Data, number of attackers, bytes/s of all together."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", FLOODS)
 def test_a_flood_makes_no_frame_old_and_fills_no_memory(board: Board, kind: str) -> None:
-    data, count = FLOODS[kind]
+    data, count, bytes_per_s = FLOODS[kind]
     link = Link(f"127.0.0.1:{board.port}")
     link.connect(5.0, stream=True)
     with ExitStack() as stack:
-        floods = [stack.enter_context(Flood(board.port, data)) for _ in range(count)]
+        floods = [stack.enter_context(Flood(board.port, data, bytes_per_s / count)) for _ in range(count)]
         oldest_s, most_mb = watched(board, link, 6.0)
     link.close()
     sent_mb = sum(flood.sent for flood in floods) / 1e6
