@@ -163,6 +163,11 @@ EVENTS: Final[dict[str, EventKind]] = {
         "warning", "{file}: {count} faults, the first: {first}", "mend the file, then reload it (docs/security.md)"
     ),
     "key-revoked": EventKind("info", "the key of {name} was taken off the allow list", "nothing to do"),
+    "peer-cut": EventKind(
+        "warning",
+        "connections were cut: {count}, the last from {address}: {reason}",
+        "if that was one of yours, look at its program; else somebody on this network tries to stop the board",
+    ),
     "link-open": EventKind(
         "warning",
         "OPEN LINK (--open): nothing is encrypted, whoever reaches {bind} reads and commands this boat",

@@ -41,9 +41,11 @@ DRAIN_S: Final = 0.5
 GOODBYE_S: Final = 1.0
 """Time that clients have to say goodbye, s; with the other waits of the end less than TimeoutStopSec= of the
 service."""
-FAULTS_AT_ONCE: Final = 3
-FAULTS_PER_S: Final = 0.05
-"""Rate limit of what is said of faults of the loop, a second: a flood fills no journal."""
+CONNECTIONS_OF_CLIENT: Final = 4
+"""Connections for each client that has a place: some have just come, others are gone and not yet missed."""
+CUTS_AT_ONCE: Final = 3
+CUTS_PER_S: Final = 0.05
+"""Rate limit of what is said of cut connections, and of faults of the loop, a second: a flood fills no journal."""
 STATE_LOOK_S: Final = 1.0
 """Interval at which the daemon looks whether its state directory is still there, s."""
 CATCH_UP_NS: Final = 60 * NS_PER_S
@@ -89,12 +91,15 @@ class Daemon:
         self.spool = Spool(spool_dir, identity, config.spool, self._journal, about=about)
         reopen = {sensor: port.reopen for port in self.ports for sensor in port.chain.monitors}
         recent = {sensor: chain.recent.since for chain in self.acquisition.chains for sensor in chain.monitors}
-        self._fault_pace = Pace(FAULTS_AT_ONCE, FAULTS_PER_S)
+        self._cuts = 0
+        """Number of connections that were cut and not said."""
+        self._cut_pace = Pace(CUTS_AT_ONCE, CUTS_PER_S)
+        self._fault_pace = Pace(CUTS_AT_ONCE, CUTS_PER_S)
         self._commands = Commands(self._status, reopen, recent, self._journal)
         self._context = zmq.Context()
         self._access = Access(self._context, allow_list, self._journal)
         self.server = Server(
-            Router(self._context, self._access.secret_key),
+            Router(self._context, self._access.secret_key, self._cut, CONNECTIONS_OF_CLIENT * config.link.max_clients),
             self.spool,
             connected=self._connected,
             frame_period_ns=self.period_ns,
@@ -273,6 +278,13 @@ class Daemon:
 
     async def _asked_by_link(self, name: str, argument: str, key: str) -> str:
         return await self._commands.from_link(name, argument, self._access.name_of(key))
+
+    def _cut(self, address: str, reason: str) -> None:
+        """A connection was cut: said at once, and of a flood a line in 20 s."""
+        self._cuts += 1
+        if self._cut_pace.allows(boottime_ns()):
+            self._journal.child("link").tell("peer-cut", address=address, reason=reason, count=self._cuts)
+            self._cuts = 0
 
     def _connected(self) -> dict[str, Any]:
         return self.acquisition.greeting(self.clock.now_ns(), self.clock.rate)

@@ -6,13 +6,18 @@ What changes something, or is asked by a station, is an event; what a person rea
 import json
 from base64 import b64encode
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
+from common.clock import boottime_ns
 from common.errors import WayfixError
 from onboard.control.socket import Handler, text_of
 from onboard.journal import Journal
+from onboard.link.client_leases import Pace
 
 MAX_MARK = 200
+TOLD_AT_ONCE: Final = 10
+TOLD_PER_S: Final = 0.1
+"""Rate limit of events that say `status` was asked for, a second: the right to read must not fill the journal."""
 
 
 class Commands:
@@ -33,12 +38,14 @@ class Commands:
         self._reopen = reopen
         self._recent = recent
         self._journal = journal
+        self._told = Pace(TOLD_AT_ONCE, TOLD_PER_S)
 
     async def from_link(self, name: str, argument: str, who: str) -> str:
         """A command of a station; returns the answer in words, raises WayfixError."""
         match name:
             case "status":
-                self._journal.child("link").tell("command-done", command=name, client=who)
+                if self._told.allows(boottime_ns()):
+                    self._journal.child("link").tell("command-done", command=name, client=who)
                 return json.dumps(self._status())
             case "raw":
                 sensor, _, place = argument.partition(" ")

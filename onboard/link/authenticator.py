@@ -21,8 +21,10 @@ SELF_TEST_S: Final = 3.0
 """Longest wait for the self-test, s; it takes some 10 ms."""
 TOLD_EACH_S: Final = 60.0
 """Least time between two events of a refusal, s: a station that is not on the list tries again for ever."""
-_AT_ONCE: Final = 64
+_AT_ONCE: Final = 16
 """Requests answered in one turn of the loop."""
+_PAUSE_S: Final = 0.01
+"""Pause after such a turn, s: a flood of handshakes gets no more of the loop."""
 _HANDSHAKES: Final = zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH
 
 
@@ -109,7 +111,7 @@ class Zap:
             except zmq.Again:
                 return
             self._socket.send_multipart(self._answer(request))
-        asyncio.get_running_loop().call_soon(self._answer_all)
+        asyncio.get_running_loop().call_later(_PAUSE_S, self._answer_all)
 
     def _answer(self, request: list[bytes]) -> list[bytes]:
         """(version, id, domain, address, identity, mechanism, key) -> (version, id, status, text, user, metadata)."""

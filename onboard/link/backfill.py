@@ -17,6 +17,10 @@ from onboard.link.bounded_run import InOrder
 from onboard.link.client_leases import Session
 from onboard.spool import Batch, Run, Spool
 
+EMPTY_READ_BYTES: Final = 4_096
+LEAST_READ_BYTES: Final = 1_024
+"""What a read counts in the rate limit, bytes, when it finds no frame, and at least: a client may ask for frames that
+nobody has, or for single ones."""
 READ_BYTES: Final = 16_384
 """Most bytes read in one turn, so that a client with a large window gets no more of them than the others."""
 
@@ -130,7 +134,8 @@ class Filling:
         if self._earned < 0.0:
             await asyncio.sleep(-self._earned / self._bytes_per_s)
         batch = await asyncio.to_thread(self._store.read, boot_id, first, last, max_bytes)
-        self._earned -= sum(len(data) for _, data in batch.frames)  # whether they can be sent or not
+        found_bytes = sum(len(data) for _, data in batch.frames)  # whether they can be sent or not
+        self._earned -= max(LEAST_READ_BYTES, found_bytes) if found_bytes else EMPTY_READ_BYTES
         return batch
 
 

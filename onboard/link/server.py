@@ -39,6 +39,8 @@ NEWS_PER_S: Final = 2.0
 COMMANDS_AT_ONCE: Final = 10
 COMMANDS_PER_S: Final = 2.0
 """Rate limit of the commands of one key, a second."""
+GOODBYE_S: Final = 0.3
+"""Time in which a key that was removed is sent the reason, s, before its connection is cut."""
 READING_COMMANDS: Final = ("status", "raw")
 """Commands that change nothing: the right to read is enough."""
 NOT_LISTED: Final = "this station's key is not on the board's list"
@@ -85,6 +87,8 @@ class Server:
         self._next_seq = 0
         self._boot_id = ""
         self._header = b""
+        self._greeting: list[bytes] = []
+        """Good until the next frame; empty = none is made yet."""
         self._last_with_fix: LiveFrame | None = None
         self._frame_period_ns = frame_period_ns
         self._filling = Filling(store, self._send, self._end, limits.fill_bytes_per_s)
@@ -111,6 +115,7 @@ class Server:
     def publish(self, frame: Frame) -> None:
         """Store one new frame and hand it to every session that has room."""
         self._next_seq = frame.seq + 1
+        self._greeting.clear()
         self._boot_id = frame.boot_id
         try:
             data = encode_frame(frame)
@@ -130,11 +135,15 @@ class Server:
         self._filling.wake()
 
     def reload(self) -> None:
-        """The allow list changed: sessions of keys that are no longer on it end at once."""
+        """The allow list changed: sessions and connections of keys that are no longer on it end at once."""
         for key, client in list(self._sessions.items()):
-            if "read" not in (self._rights(client.key) or ()):
+            if not self._may_read(client.key):
                 self._send(client, [session.pack("error", what=NOT_LISTED, cure=CURE_PAIR)])
                 self._forget(key, "its key was removed")
+        asyncio.get_running_loop().call_later(GOODBYE_S, self._router.cut_unless, self._may_read)
+
+    def _may_read(self, key: str | None) -> bool:
+        return "read" in (self._rights(key) or ())
 
     async def drain(self, deadline_s: float) -> None:
         """Give clients a moment to take the last frames."""
@@ -162,7 +171,7 @@ class Server:
 
     def _receive(self, routing_id: bytes, key: str | None, parts: list[bytes]) -> None:
         try:
-            if "read" in (self._rights(key) or ()):
+            if self._may_read(key):
                 self._answer(routing_id, key, session.unpack(parts[0] if len(parts) == 1 else b""))
             else:
                 self._reply(routing_id, "error", what=NOT_LISTED, cure=CURE_PAIR)
@@ -196,6 +205,11 @@ class Server:
         self._greet(routing_id)
 
     def _greet(self, routing_id: bytes) -> None:
+        if not self._greeting:
+            self._greeting.append(self._new_greeting())
+        self._router.send(routing_id, self._greeting)
+
+    def _new_greeting(self) -> bytes:
         held = self._store.runs()
         unlisted, listed = held[: -session.MAX_RUNS], held[-session.MAX_RUNS :]
         greeting = {
@@ -204,7 +218,7 @@ class Server:
             "runs": [[run.boot_id, run.start_no, run.first_seq, run.next_seq] for run in listed],
             "unlisted": [len(unlisted), sum(run.next_seq - run.first_seq for run in unlisted)],
         }
-        self._reply(routing_id, "connected", **greeting, **self._connected())
+        return session.pack("connected", **greeting, **self._connected())
 
     def _lease(self, routing_id: bytes, key: str | None, message: dict[str, Any]) -> None:
         received_ns = boottime_ns()

@@ -41,6 +41,8 @@ class ZmqTransport:
             (zmq.IMMEDIATE, 1),  # nothing is queued for a board that is not there: an old lease is of no use
             (zmq.IPV6, int("[" in endpoint)),
             (zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES),
+            # libzmq aborts when a connection hangs up while its queue is full; the window says how much may wait.
+            (zmq.RCVHWM, 0),
             (zmq.CONNECT_TIMEOUT, CONNECT_TIMEOUT_MS),
             (zmq.RECONNECT_IVL, RECONNECT_MS),
             (zmq.HEARTBEAT_IVL, session.HEARTBEAT_MS),
