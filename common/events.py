@@ -118,6 +118,12 @@ EVENTS: Final[dict[str, EventKind]] = {
         "use a faster disk; nothing of the run waits for it",
         side=STATION,
     ),
+    "log-again": EventKind(
+        "warning",
+        "the log {file} had ended by a fault of the disk; it goes on in {new}, and what is in neither comes once more",
+        "look at the disk",
+        side=STATION,
+    ),
     "log-gone": EventKind(
         "warning",
         "the log {file} was removed or moved while it was written: {new} begins, and the boat sends the frames again",

@@ -63,8 +63,13 @@ class LiveLog(LogWatcher):
         """True when the log or its directory was removed or moved while it is written."""
         return self._recorder.is_gone
 
+    @property
+    def wants_another(self) -> bool:
+        """True when it is time for another log: this one is gone, or has ended some seconds ago."""
+        return self._recorder.wants_another
+
     def begin_again(self, start: Start, t_ns: int) -> set[str]:
-        """Begin another log in place of one that is gone; returns the earlier trips of which frames are gone too.
+        """Begin another log in place of one that is gone, or has ended; returns the earlier trips that are gone too.
 
         There is no checkpoint before the ledger has forgotten these trips: it would claim frames that no log holds.
         """

@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from shore.link.frame_ledger import MAX_STARTS, Ledger
 from shore.link.link import CONNECT_TIMEOUT_S, Link, Received, Wants, endpoint
 from shore.live.busy_watch import BusyWatch
 from shore.live.cursor import Cursor
+from shore.live.ledger_from_logs import take_frames
 from shore.live.link_loss import LinkLoss
 from shore.live.log import LiveLog
 from shore.live.tally import Tally
@@ -284,26 +286,33 @@ class LiveRun:
             self._watchers.happened(happening, time.time_ns() if now_ns is None else now_ns)
 
     def _begin_log_again(self) -> None:
-        """The log was removed: another one begins, and the board sends once more what was in the first."""
-        before, now_ns = str(self._log.path), time.time_ns()
-        record = {**self._start.record, "options": {**self._start.options, "begun_again": Path(before).name}}
+        """The log was removed, or its disk failed: another one begins, and what is in no log comes once more."""
+        assert self._log.path is not None
+        before, is_gone, now_ns = self._log.path, self._log.is_gone, time.time_ns()
+        record = {**self._start.record, "options": {**self._start.options, "begun_again": before.name}}
         gone = self._log.begin_again(Start(record, self._config), now_ns)
         if self.log_fault is not None:
             return
         self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
         self.tally.not_stored = 0  # they come once more
-        self._happened(event("log-gone", self.t_ns, "log", file=before, new=str(self._log.path)), now_ns)
-        if self._trip is None or self._log.path is None:
+        code = "log-gone" if is_gone else "log-again"
+        self._happened(event(code, self.t_ns, "log", file=str(before), new=str(self._log.path)), now_ns)
+        if self._trip is None:
             return
-        self._ledger.rename_trip(self._trip, self._log.path.name)
-        self._trip = self._log.path.name
-        for trip in (self._trip, *gone):
+        if is_gone:
+            self._ledger.rename_trip(self._trip, self._log.path.name)
+        for trip in (self._log.path.name if is_gone else self._trip, *gone):
             self._ledger.forget_trip(trip)
+        if not is_gone:  # what it holds is not asked for, and what comes late goes beside it
+            with suppress(WayfixError):
+                take_frames(self._ledger, before, 0, self._config.boat.id)
+            self._ledger.begin_trip(*self._next, self._log.path.name)
+        self._trip = self._log.path.name
         for item in self._log.held_late:  # written since, before it was seen that their trip is gone
             self._ledger.take(item.boot_id, item.first, item.last)
 
     def _each_second(self) -> None:
-        if self._log.is_gone:
+        if self._log.wants_another:
             self._begin_log_again()
         self._log.checkpoint()  # first: a fault of the disk belongs into this second's line
         limits = self._options.settings.limits

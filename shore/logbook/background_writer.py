@@ -6,11 +6,16 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from common.clock import boottime_ns
 from common.errors import WayfixError
 from common.units import NS_PER_S
 from shore.logbook.log_writer import LogWriter, new_log
+
+RETRY_S: Final = 5.0
+"""Time after which a log that has ended is followed by another one, s: a disk may have a moment of weakness."""
+LONGEST_RETRY_S: Final = 60.0
 
 
 class LogRecorder:
@@ -26,6 +31,8 @@ class LogRecorder:
         self._failed: LogWriter | None = None
         """The writer of the log that ended before the run."""
         self._worker = ThreadPoolExecutor(1, "log-sync")
+        self._delay_s = RETRY_S
+        self._retry_ns = 0
         self._syncing: Future[None] | None = None
         self._since_ns = boottime_ns()
         self._boat_id = boat_id
@@ -45,14 +52,20 @@ class LogRecorder:
         writer = self._writer or self._failed
         return writer is not None and writer.is_gone
 
+    @property
+    def wants_another(self) -> bool:
+        """True when it is time for another log: this one is gone, or has ended some seconds ago."""
+        return self.is_gone if self._failed is None else boottime_ns() >= self._retry_ns
+
     def begin_again(self) -> None:
-        """Begin another log in the directory of one that is gone; where that cannot be, the log ends.
+        """Begin another log in the directory of one that is gone, or has ended; where that cannot be, the log ends.
 
         Of a log that has ended (a disk that was pulled out) that is tried without a word.
         """
         assert self.path is not None
         self.write(self._finish_sync)
         began_ns = time.time_ns()
+        self._wait_longer()
         try:
             writer = new_log(self.path.parent, self._boat_id, began_ns)
         except WayfixError as error:
@@ -124,13 +137,19 @@ class LogRecorder:
     def _finish_sync(self, writer: LogWriter) -> None:
         if self._syncing is not None:
             writer.guarded(self._syncing.result)
-            self._syncing = None
+            self._syncing, self._delay_s = None, RETRY_S
 
     def _fail(self, error: WayfixError) -> None:
         self.fault = error
         self._say(f"error: log: {error}; the run goes on without a log")
         self._failed, self._writer, self._syncing = self._writer, None, None
         self._worker.shutdown()  # the file stays open while the worker uses it
+        self._wait_longer()
         if self._failed is not None:
             with suppress(WayfixError):
                 self._failed.close()
+            self._failed.remove_if_empty()
+
+    def _wait_longer(self) -> None:
+        self._retry_ns = boottime_ns() + round(self._delay_s * NS_PER_S)
+        self._delay_s = min(LONGEST_RETRY_S, 2.0 * self._delay_s)

@@ -14,8 +14,8 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from io import FileIO
 from itertools import chain, count
@@ -172,6 +172,12 @@ class LogWriter:
             with suppress(OSError):
                 self._file.close()
 
+    def remove_if_empty(self) -> None:
+        """Leave no file behind in which nothing is: its disk took nothing. Close it before."""
+        with suppress(OSError):
+            if not self.is_gone and self.path.stat().st_size == 0:
+                self.path.unlink()
+
     def name_by_boat(self, boat_id: str, utc_ns: int) -> Path | None:
         """Where `close` will leave the log: under the boat's UTC of its first frame; `None` = under the name it has.
 
@@ -234,7 +240,8 @@ def new_log(directory: Path, boat_id: str, utc_ns: int) -> LogWriter:
     except OSError as error:
         cure = "give a directory you may write to"
         raise WayfixError(f"no log can be written here ({error.strerror})", str(directory), cure) from error
-    return LogWriter(file)
+    with _none_left_behind(file):
+        return LogWriter(file)
 
 
 def log_at(path: Path) -> LogWriter:
@@ -257,16 +264,23 @@ def late_log(trip: Path, start: dict[str, Any], utc_ns: int) -> LogWriter:
         file = _new_file(trip.parent, f"{trip.stem}{LATE}")
     except OSError as error:
         raise WayfixError(f"no log can be written here ({error.strerror})", str(trip.parent), "check space") from error
-    try:
+    with _none_left_behind(file):
         writer = LogWriter(file)
         writer.write_session({**start, LATE_OF: trip.name}, utc_ns)
+    return writer
+
+
+@contextmanager
+def _none_left_behind(file: FileIO) -> Iterator[None]:
+    """Remove a file in which no log could be begun."""
+    try:
+        yield
     except WayfixError:
         with suppress(OSError):
             file.close()
         with suppress(OSError):
             Path(os.fsdecode(file.name)).unlink()
         raise
-    return writer
 
 
 def _stem(boat_id: str, utc_ns: int) -> str:

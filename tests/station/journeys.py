@@ -143,7 +143,8 @@ def session(
         return link.is_over
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("shore.live.run.boottime_ns", lambda: 10**12 + board.t_ns)
+        for module in ("shore.live.run", "shore.logbook.background_writer"):
+            patched.setattr(f"{module}.boottime_ns", lambda: 10**12 + board.t_ns)
         run = LiveRun(cast("Link", link), Options(settings, log_dir=directory), is_over, said.append)
         run.run()
     return run, said

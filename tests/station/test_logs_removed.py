@@ -28,6 +28,8 @@ def board(voyage: list[Frame]) -> Board:
 def each_log_has_a_second_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     seconds: Iterator[int] = count(UTC_NS, 10**9)
     monkeypatch.setattr("shore.logbook.background_writer.time", SimpleNamespace(time_ns=lambda: next(seconds)))
+    for name in ("RETRY_S", "LONGEST_RETRY_S"):
+        monkeypatch.setattr(f"shore.logbook.background_writer.{name}", 1.0)
 
 
 def removed(logs: Path) -> None:
@@ -120,6 +122,35 @@ def test_a_disk_that_was_pulled_out_and_comes_back(
     assert sum("the run goes on without a log" in line for line in said) == 1
     assert sum("was removed or moved while it was written" in line for line in said) == 1
     assert any("NO LOG" in line for line in said)
+    assert run.log_fault is None
+    assert run.tally.holes == (0, 0, 0, 0)
+    session(logs, board, 1.0)
+    complete_trips(logs, print)
+    check_each_frame_once(logs, board)
+
+
+@pytest.mark.parametrize("faults", [1, 4])
+def test_a_disk_that_fails_for_a_moment_costs_no_frame(
+    faults: int, tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the log lacks since its disk failed goes beside it, and a new log goes on."""
+    logs = tmp_path / "logs"
+    session(logs, board, 3.0)
+    begins, guarded, left = board.count + 20, LogWriter.guarded, [faults]
+
+    def fails(writer: LogWriter, action: Callable[[], None]) -> None:
+        def failing() -> None:
+            if board.count >= begins and left[0]:
+                left[0] -= 1
+                raise OSError(5, "Input/output error")
+            action()
+
+        guarded(writer, failing)
+
+    monkeypatch.setattr(LogWriter, "guarded", fails)
+    run, said = session(logs, board, 15.0)
+    assert left == [0]
+    assert any("had ended by a fault of the disk; it goes on in" in line for line in said)
     assert run.log_fault is None
     assert run.tally.holes == (0, 0, 0, 0)
     session(logs, board, 1.0)
