@@ -29,7 +29,7 @@ help:
 	@echo "make test       lint, types, import rules and the fast tests"
 	@echo "make test-slow  whole runs, link faults, statistics, Debian 12's own libraries, a real systemd"
 	@echo "make golden     replay the golden cases and write what they give now; read the difference (tests/golden)"
-	@echo "make soak       an hour and a half, by hand; figures go to benchmarks/"
+	@echo "make soak       two hours, by hand; figures go to benchmarks/"
 	@echo "make nightly    the daemon on emulated ARM (armhf, arm64) with Debian's packages; as root"
 	@echo "make loopback   fake serial ports -> daemon -> socket -> filter -> log"
 
@@ -111,6 +111,7 @@ loopback: $(VENV)/dev.stamp
 soak: $(VENV)/dev.stamp
 	WAYFIX_OUTAGE_S=300 $(BIN)/pytest -s tests/system/test_outages.py
 	$(BIN)/python -m benchmarks.link stalled --seconds 600
+	$(BIN)/python -m benchmarks.churn --minutes 30
 	$(BIN)/python -m benchmarks.daemon_load --seconds 3600
 
 nightly: $(VENV)/run.stamp
