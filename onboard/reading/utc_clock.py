@@ -3,7 +3,7 @@
 A sentence always arrives late, never early, so the smallest (arrival - UTC) of the last minute is the best offset
 (lower envelope). UTC that disagrees for three pairs in a row is a step: `epoch` + 1, start again. One or two are a
 damaged date, a receiver just woken, or a board that was busy; they are left out. A leap second is a step of -1 s: POSIX
-time has no name for it.
+time has no name for it. A date that does not go on at midnight is no step: the time of day counts.
 
 Of receivers that disagree the one that was there first holds, until none has agreed with the mapping for ten seconds.
 The boat clock itself is never touched: a board without a battery clock just learns its UTC later.
@@ -35,6 +35,7 @@ BELIEVED: Final = 3
 """Number of pairs in a row, of one receiver and agreeing with each other, that make a step."""
 FIRST_BELIEVED: Final = 2
 """Number of pairs in a row that make the first mapping: a receiver's first date may be its default one."""
+DAY_NS: Final = 86_400 * NS_PER_S
 HELD_NS: Final = 10 * NS_PER_S
 """So long after it agreed a receiver holds the mapping against others."""
 _AGREE_NS: Final = NS_PER_S // 2
@@ -55,6 +56,8 @@ class _Receiver:
     """Number of pairs in a row that disagree with the mapping."""
     agreed_ns: int | None = None
     """Boat time when the receiver last agreed, ns; `None` = never."""
+    day: int | None = None
+    """The day that it said then, since 1970."""
     is_told: bool = False
 
     def doubt(self, t_ns: int, offset: int) -> None:
@@ -85,11 +88,11 @@ class ClockMap:
 
     def add(self, pair: ClockPair) -> float | None:
         """Take one pair; returns the size of a step (s) when UTC jumped against the boat clock."""
-        offset = pair.t_ns - pair.utc_ns
         receiver = self._receivers.setdefault(pair.sensor, _Receiver())
+        offset = pair.t_ns - pair.utc_ns - self._days_behind(receiver, pair) * DAY_NS
         if self._envelope and self._agrees(pair.t_ns, offset):
             receiver.doubted.clear()
-            receiver.against, receiver.agreed_ns = 0, pair.t_ns
+            receiver.against, receiver.agreed_ns, receiver.day = 0, pair.t_ns, pair.utc_ns // DAY_NS
             self._take(pair.t_ns, offset)
             return None
         receiver.doubt(pair.t_ns, offset)
@@ -103,6 +106,12 @@ class ClockMap:
         if len(receiver.doubted) < (BELIEVED if self._envelope else FIRST_BELIEVED):
             return None
         return self._start_anew(pair)
+
+    def _days_behind(self, receiver: _Receiver, pair: ClockPair) -> int:
+        """Number of days that the date of a receiver stands still while its time of day begins again."""
+        if not self._envelope or pair.utc_ns // DAY_NS != receiver.day:
+            return 0
+        return max(0, round((pair.t_ns - self._envelope[0][1] - pair.utc_ns) / DAY_NS))
 
     def _agrees(self, t_ns: int, offset: int) -> bool:
         """Whether the offset agrees; the boat clock may have drifted since the last pair."""
@@ -131,7 +140,7 @@ class ClockMap:
         for t_ns, believed in receiver.doubted:
             self._take(t_ns, believed)
         receiver.doubted.clear()
-        receiver.against, receiver.agreed_ns = 0, pair.t_ns
+        receiver.against, receiver.agreed_ns, receiver.day = 0, pair.t_ns, pair.utc_ns // DAY_NS
         return step_s
 
     def _take(self, t_ns: int, offset: int) -> None:

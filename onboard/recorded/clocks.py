@@ -4,8 +4,8 @@ Receivers, plotters and multiplexers on one wire each have a clock of their own:
 transmission, or a fix repeated for seconds. A recording goes by one of them.
 
 1. The clock with a date and most fixes at different times leads, one of a satellite talker before all others; of those
-   with nearly as many the one whose times come first in the file. A recording without a date goes by the clock with
-   most fixes.
+   with nearly as many the one whose times come first in the file, unless another is behind it by the leap seconds: then
+   it has GPS time. A recording without a date goes by the clock with most fixes.
 2. A clock that gives the same times, or times of its own between them by the same talker, is one with it. Where it is
    another device's (both talkers give the same times) it only stands in where the leading clock is silent.
 3. A clock less than half a period off is used, but not for the time: a receiver may write the time of transmission.
@@ -54,6 +54,7 @@ LATE_MS: Final = 10_000
 """Most that a repeated time is old, ms."""
 GPS_LEAP_MS: Final = (12_500, 19_500)
 """GPS time is ahead of UTC by 13 s (1999) to 18 s (since 2017)."""
+MOST_LEAP_MS: Final = 18_000
 TOLD_NEAR_MS: Final = 5
 """Smaller offsets are rounding."""
 
@@ -153,7 +154,7 @@ def clocks_of(items: Sequence[ReceiverLine | None]) -> Clocks:
     voices = _voices(items)
     if not voices:
         return Clocks(list(items), (), frozenset(), None, frozenset())
-    lead = _leading(voices)
+    lead = _in_utc(_leading(voices), voices)
     period_ms = ordinary_step_ms(lead.tods)
     same, near, others = [lead], list[_Voice](), list[_Voice]()
     for voice in voices:
@@ -261,6 +262,19 @@ def _leading(voices: Sequence[_Voice]) -> _Voice:
     return nearly[first.index(min(first))]
 
 
+def _in_utc(lead: _Voice, voices: Sequence[_Voice]) -> _Voice:
+    """Another receiver with nearly as many fixes, where it is behind by the leap seconds: the first has GPS time."""
+    base = list(zip(lead.lines, lead.tods, strict=True))
+    for voice in voices:
+        is_equal = voice.dated and len(voice.fixed) >= LEAST_SHARE * len(lead.fixed)
+        if is_equal and voice.key[0] in SATELLITE_TALKERS and lead.fixed:
+            behind_ms = -median(_ahead_ms(voice, base))
+            whole_ms = 1_000 * round(behind_ms / 1_000)
+            if GPS_LEAP_MS[0] <= behind_ms <= GPS_LEAP_MS[1] and abs(behind_ms - whole_ms) <= TOLD_NEAR_MS:
+                return voice
+    return lead
+
+
 def _owner(voice: _Voice, leaders: Sequence[_Voice]) -> int:
     """Whose device a clock is of: of its talker if there is one, for a receiver may have several; by shared times."""
     pool = [n for n, leader in enumerate(leaders) if leader.key[0] == voice.key[0]] or range(len(leaders))
@@ -338,7 +352,10 @@ def _told(voice: _Voice, lead: _Voice, ahead: Sequence[int], *, used: bool) -> O
     elif zone_ms and abs(middle_ms - zone_ms) <= ZONE_NEAR_MS:
         kind = "local-time"
     elif GPS_LEAP_MS[0] <= middle_ms <= GPS_LEAP_MS[1]:
-        kind = "gps-time"
+        kind, middle_ms = (
+            "gps-time",
+            min(middle_ms, MOST_LEAP_MS),
+        )  # a second more where it stands before the leading one
     elif -1_000 < middle_ms <= 0 and all(tod_ms % 1_000 == 0 for tod_ms in voice.tods) and _has_parts(lead):
         kind = "whole-seconds"
     else:

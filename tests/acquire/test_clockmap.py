@@ -136,6 +136,18 @@ def test_a_step_is_found_through_any_lateness(step_s: int) -> None:
     assert 0 <= true_ns - (mapping.at(99 * NS_PER_S).utc_ns or 0) < 400 * NS_PER_MS
 
 
+def test_a_date_that_stands_still_at_midnight_is_no_step() -> None:
+    day_ns, before = 86_400 * NS_PER_S, 40
+    midnight_ns = UTC0 // day_ns * day_ns + day_ns
+    for stuck in (3, 100):  # receivers write the new date some seconds late; others never do
+        mapping = ClockMap()
+        for k in range(100):
+            utc_ns = midnight_ns + (k - before) * NS_PER_S
+            is_stuck = before <= k < before + stuck
+            assert mapping.add(pair(k * NS_PER_S, utc_ns - day_ns if is_stuck else utc_ns)) is None
+        assert mapping.at(99 * NS_PER_S).utc_ns == midnight_ns + (99 - before) * NS_PER_S
+
+
 def test_the_epochs_that_waited_in_a_busy_board_are_no_step() -> None:
     for rate_hz in (1, 5, 10):
         mapping, period_ns = ClockMap(), NS_PER_S // rate_hz

@@ -229,6 +229,12 @@ def test_two_devices_of_one_talker_are_told_apart(shift_s: float) -> None:
     assert [clock.offset_s for clock in found.clocks] == [shift_s]
 
 
+def test_of_two_receivers_that_differ_by_the_leap_seconds_the_one_behind_has_utc() -> None:
+    found = sentence_times(interleaved(stream("GN", later(seconds=18)), stream("GP")))
+    assert found.first_utc_ms == pytest.approx(1_000 * later().timestamp(), abs=600)  # what is before it has no time
+    assert {(clock.kind, clock.offset_s) for clock in found.clocks} == {("gps-time", 18.0)}
+
+
 def test_two_receivers_on_one_wire_are_both_used() -> None:
     found = sentence_times(interleaved(stream(), stream("GN")))
     assert found.at_ns[-1] == pytest.approx(19 * NS_PER_S, abs=NS_PER_S)
