@@ -87,8 +87,8 @@ class Server:
         self._next_seq = 0
         self._boot_id = ""
         self._header = b""
-        self._greeting: list[bytes] = []
-        """Good until the next frame; empty = none is made yet."""
+        self._greeting: bytes | None = None
+        """Good until the next frame; `None` = none is made yet."""
         self._last_with_fix: LiveFrame | None = None
         self._frame_period_ns = frame_period_ns
         self._filling = Filling(store, self._send, self._end, limits.fill_bytes_per_s)
@@ -115,7 +115,7 @@ class Server:
     def publish(self, frame: Frame) -> None:
         """Store one new frame and hand it to every session that has room."""
         self._next_seq = frame.seq + 1
-        self._greeting.clear()
+        self._greeting = None
         self._boot_id = frame.boot_id
         try:
             data = encode_frame(frame)
@@ -205,9 +205,9 @@ class Server:
         self._greet(routing_id)
 
     def _greet(self, routing_id: bytes) -> None:
-        if not self._greeting:
-            self._greeting.append(self._new_greeting())
-        self._router.send(routing_id, self._greeting)
+        if self._greeting is None:
+            self._greeting = self._new_greeting()
+        self._router.send(routing_id, [self._greeting])
 
     def _new_greeting(self) -> bytes:
         held = self._store.runs()

@@ -54,6 +54,11 @@ def test_a_velocity_that_is_wrong_is_set_aside_and_a_right_one_is_not(seed: int)
     assert 20 <= guard(noise(200, 1.5, seed), velocity_m_s=2.3)[0] <= 120
 
 
+@pytest.mark.parametrize("velocity_m_s", [12.0, 20.0, 200.0, 450.0, -20.0])
+def test_a_velocity_that_is_far_off_is_no_jump_of_the_position(velocity_m_s: float) -> None:
+    assert 3 <= guard(noise(40, 1.5), velocity_m_s=velocity_m_s)[0] <= 12
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_jump_of_the_position_is_not_blamed_on_the_velocity(seed: int) -> None:
     quiet = noise(100, 1.5, seed)

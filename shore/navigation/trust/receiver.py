@@ -31,6 +31,8 @@ BEYOND_COUNT: Final = 3
 """So many marks in a row must be beyond it, on the same side: fixes whose noise has grown scatter to both."""
 LEAST_JUMP_M: Final = 5.0
 """From one mark to the next, an error beyond the guard and beyond this is a jump of the position."""
+JUMP_NS: Final = 5 * NS_PER_S // 2
+"""A jump is over within this; an error to the same side that is not is the velocity's."""
 RIGHT_SIGMAS: Final = 2.5
 """The windows up to 20 s must be within this for the velocity to be taken back."""
 RETURN_NS: Final = 20 * NS_PER_S
@@ -49,6 +51,15 @@ LEAST_LATENCY_S: Final = 0.15
 MOST_LATENCY_S: Final = 2.0
 LONGEST_GAP_INTERVALS: Final = 2.5
 """A silence of so many usual intervals is a gap."""
+
+
+class Jump(NamedTuple):
+    """A jump of the position, or what looks like one."""
+
+    ways: frozenset[tuple[int, bool]]
+    """Its axes and sides."""
+    since_ns: int
+    newest_ns: int
 
 
 class Receiver(NamedTuple):
@@ -72,6 +83,8 @@ class Receiver(NamedTuple):
     """Boat time since which the velocity is set aside, ns; `None` = it is in use."""
     judged_from_ns: int = 0
     """Windows that begin earlier are not judged."""
+    jump: Jump | None = None
+    """The newest jump of the position."""
     beyond: frozenset[tuple[int, bool]] = frozenset()
     """Axes, and their sides, on which windows have been beyond the guard without a break."""
     beyond_count: int = 0
@@ -202,10 +215,7 @@ def window(receiver: Receiver, now: FixMark, seconds: float, white_m2: float) ->
 
 def guarded(receiver: Receiver, now: FixMark, white_m2: float) -> Receiver:
     """The receiver after the guard has looked at its velocity."""
-    last = window(receiver, now, 1.0, white_m2)
-    if last is not None and last.ways and max(map(abs, last.error_m)) > LEAST_JUMP_M:
-        # the position has jumped, which says nothing about the velocity
-        receiver = receiver._replace(judged_from_ns=now.t_ns, beyond=frozenset(), beyond_count=0)
+    receiver = _jumped(receiver, now, white_m2)
     shown = [each for T in WINDOWS_S if (each := window(receiver, now, T, white_m2)) is not None]
     if receiver.wrong_since_ns is None:
         ways: frozenset[tuple[int, bool]] = frozenset().union(*(each.ways for each in shown))
@@ -221,6 +231,20 @@ def guarded(receiver: Receiver, now: FixMark, white_m2: float) -> Receiver:
     if is_long_ago and len(shown) >= 3 and all(each.sigmas < RIGHT_SIGMAS for each in shown[:3]):
         return receiver._replace(wrong_since_ns=None, judged_from_ns=now.t_ns)
     return receiver
+
+
+def _jumped(receiver: Receiver, now: FixMark, white_m2: float) -> Receiver:
+    """The receiver after a look whether the position has jumped, which says nothing about the velocity."""
+    last = window(receiver._replace(judged_from_ns=0), now, 1.0, white_m2)
+    if last is None or not last.ways or max(map(abs, last.error_m)) <= LEAST_JUMP_M:
+        return receiver
+    jump = receiver.jump
+    if jump is None or now.t_ns - jump.newest_ns > JUMP_NS or not last.ways & jump.ways:
+        jump = Jump(last.ways, now.t_ns, now.t_ns)
+    receiver = receiver._replace(jump=jump._replace(newest_ns=now.t_ns))
+    if now.t_ns - jump.since_ns > JUMP_NS:
+        return receiver
+    return receiver._replace(judged_from_ns=now.t_ns, beyond=frozenset(), beyond_count=0)
 
 
 def timed(receiver: Receiver, now: FixMark, white_m2: float) -> Receiver:
