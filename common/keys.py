@@ -40,20 +40,30 @@ class KeyPair:
     secret: bytes = field(repr=False)
 
 
+_PRIME: Final = 2**255 - 19
+_TOP_BIT: Final = 2**255
+_SMALL_ORDER: Final = frozenset((
+    0, 1, _PRIME - 1, _PRIME, _PRIME + 1,
+    0x00B8495F16056286FDB1329CEB8D09DA6AC49FF1FAE35616AEB8413B7C7AEBE0,
+    0x57119FD0DD4E22D8868E1C58C45C44045BEF839C55B1D0B1248C50A3BC959C5F,
+))  # fmt: skip
+"""Points of Curve25519 with which every exchange gives the same, known secret (RFC 7748, section 6.1)."""
+
+
 def new_keys() -> KeyPair:
     """Draw a pair."""
     return KeyPair(*zmq.curve_keypair())
 
 
 def raw_key(text: str) -> bytes | None:
-    """The 32 bytes of a key in Z85; None for any other text."""
+    """The 32 bytes of a key in Z85; None for any other text, and for a key with which nobody has a secret."""
     if not _Z85.fullmatch(text):
         return None
     try:
         raw = z85.decode(text.encode("ascii"))
     except (KeyError, ValueError, struct.error):  # five letters beyond 2^32
         return None
-    return raw if len(raw) == KEY_BYTES else None
+    return raw if len(raw) == KEY_BYTES and int.from_bytes(raw, "little") & ~_TOP_BIT not in _SMALL_ORDER else None
 
 
 def key_text(raw: bytes) -> str:

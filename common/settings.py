@@ -178,6 +178,8 @@ def _bound_fault(value: Any, bounds: tuple[Any, ...]) -> str | None:
             return fault
         if isinstance(bound, MaxLength) and len(value) > bound.count:
             return f"must be at most {bound.count} characters, got {len(value)}"
+        if isinstance(bound, MaxLength) and isinstance(value, str) and not value.isprintable():
+            return f"has a character that cannot be shown: {value!a}"
     return None
 
 
@@ -193,7 +195,7 @@ def _entry(where: str, item: Any, number: int) -> str:
     name = None
     if isinstance(item, Mapping):
         name = item.get("id") or item.get("name")
-        return f"[[{where}]] {name if isinstance(name, str) else number}"
+        return f"[[{where}]] {name if isinstance(name, str) and name.isprintable() else number}"
     return f"{where}[{number}]"
 
 

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from common.errors import WayfixError
 from common.key_list import Entry, entries_of, entry_of, name_fault, with_entry, without
 from common.keys import crockford, fingerprint, key_text, new_keys, own_keys, raw_key, write_own
+from onboard.link.allow_list import READ, AllowList
 
-RAW = st.binary(min_size=32, max_size=32)
+RAW = st.binary(min_size=32, max_size=32).filter(lambda raw: any(raw[1:-1]))
 NAMES = st.text(min_size=1, max_size=64).filter(lambda name: name_fault(name) is None)
 KEY = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"
 
@@ -129,6 +130,14 @@ def test_a_key_survives_its_text(raw: bytes) -> None:
     assert raw_key(text) == raw
     assert len(text) == 40
     assert len(fingerprint(text)) == 19
+
+
+@pytest.mark.parametrize("point", [0, 1, 2**255 - 20, 2**255 - 19, 2**255 - 18, 2**255 + 1])
+def test_a_key_with_which_nobody_has_a_secret_is_none(point: int, tmp_path: Path) -> None:
+    text = key_text(point.to_bytes(32, "little"))
+    assert raw_key(text) is None
+    with pytest.raises(WayfixError, match="not a key"):
+        AllowList(tmp_path).add(text, "laptop", READ)
 
 
 @given(text=st.text(alphabet=st.characters(codec="utf-8"), max_size=50))
