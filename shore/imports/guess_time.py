@@ -13,7 +13,7 @@ from shore.imports.cells import is_nothing, with_point
 from shore.imports.guess_names import candidates, is_other, plain, utc_word
 from shore.imports.line_counts import Rejected
 from shore.imports.table_file import TableFile
-from shore.imports.time_cells import GPS_EPOCH_S, WEEK_S, TimeCells
+from shore.imports.time_cells import GPS_EPOCH_S, WEEK_S, TimeCells, looks_like
 
 _DATES: Final = (
     "%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%d/%m/%y", "%m/%d/%y",
@@ -328,9 +328,11 @@ class _Clocks:
         return TimeGuess({"column": column, "scale": scale}, unsure)
 
     def _fits(self, keys: dict[str, Any]) -> bool:
-        reader = TimeCells(TimeColumn(**keys), self._file.table.decimal)
         rows = [row for row in self._file.sample[:200] if not is_nothing(row[keys["column"]])]
-        bad = 0
+        columns = (keys["column"], *keys.get("more", ()))
+        if not any(looks_like(" ".join(row[name] for name in columns), keys["format"]) for row in rows[:3]):
+            return False
+        reader, bad = TimeCells(TimeColumn(**keys), self._file.table.decimal), 0
         for row in rows:
             try:
                 bad += not 0 <= reader.read(row) < (self._now_s + _DAY_S) * NS_PER_S

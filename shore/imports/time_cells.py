@@ -4,6 +4,7 @@ import re
 from bisect import bisect_right
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
+from functools import cache
 from typing import Final
 
 from common.simulation.column_map import TimeColumn
@@ -53,6 +54,10 @@ _DAY_POINT: Final = re.compile(r"(?<=[0-9])\.(?=\s*[^\W\d_])")
 """The point of an ordinal before the month's name: 12. Mai."""
 _PACKED: Final = re.compile(r"(?:%[YmdyHMSf])+")
 _WIDTHS: Final = {"Y": 4, "f": 2}
+_DIRECTIVES: Final = {
+    "%Y": "[0-9]{4}", "%f": "[0-9]+", "%S": "[0-9]{1,2}([.,][0-9]+)?", "%b": r"[^\W\d_]{3,}", "%a": r"[^\W\d_]{3,}",
+    "%p": "[AaPp][Mm]", **dict.fromkeys(("%m", "%d", "%y", "%H", "%I", "%M"), "[0-9]{1,2}"),
+}  # fmt: skip
 
 
 class TimeCells:
@@ -163,6 +168,25 @@ def _formats(given: str) -> tuple[str, ...]:
 def _width(form: str) -> int:
     """Digits of a part of a form in which nothing stands between the fields; 0 = something does."""
     return sum(_WIDTHS.get(letter, 2) for letter in form[1::2]) if _PACKED.fullmatch(form) and len(form) > 2 else 0
+
+
+def looks_like(text: str, form: str) -> bool:
+    """Whether a text may be in a form; quick, since strptime keeps only a few forms ready."""
+    if form == ISO:
+        return True
+    return _shape(form).fullmatch(with_english_month(text) if "%b" in form else text) is not None
+
+
+@cache
+def _shape(form: str) -> re.Pattern[str]:
+    """Digits and letters of a form."""
+    parts = []
+    for part in form.split(" "):
+        if width := _width(part):
+            parts.append(rf"[0-9]{{1,{width + 8 * ('%f' in part)}}}([.,][0-9]+)?")
+        else:
+            parts.append("".join(_DIRECTIVES.get(each, re.escape(each)) for each in re.findall("%.|[^%]", part)))
+    return re.compile(r"\s+".join(parts))
 
 
 def _decimal(text: str) -> Decimal:

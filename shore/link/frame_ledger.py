@@ -186,6 +186,11 @@ class Ledger:
         return boot_id == self._running and seq + 1 >= self._starts[boot_id].upto
 
     @property
+    def next(self) -> tuple[str, int] | None:
+        """Start and number of the next frame that will be made, as far as is known; `None` = no board has greeted."""
+        return None if self._running is None else (self._running, self._starts[self._running].upto)
+
+    @property
     def has_hole(self) -> bool:
         """True when a frame is missing."""
         return next(self.all_missing(), None) is not None

@@ -303,10 +303,10 @@ class LiveRun:
             self._ledger.rename_trip(self._trip, self._log.path.name)
         for trip in (self._log.path.name if is_gone else self._trip, *gone):
             self._ledger.forget_trip(trip)
-        if not is_gone:  # what it holds is not asked for, and what comes late goes beside it
-            with suppress(WayfixError):
+        if not is_gone and (following := self._ledger.next) is not None:
+            with suppress(WayfixError):  # what it holds is not asked for, and what comes late goes beside it
                 take_frames(self._ledger, before, 0, self._config.boat.id)
-            self._ledger.begin_trip(*self._next, self._log.path.name)
+            self._ledger.begin_trip(*following, self._log.path.name)
         self._trip = self._log.path.name
         for item in self._log.held_late:  # written since, before it was seen that their trip is gone
             self._ledger.take(item.boot_id, item.first, item.last)

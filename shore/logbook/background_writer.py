@@ -148,7 +148,7 @@ class LogRecorder:
         if self._failed is not None:
             with suppress(WayfixError):
                 self._failed.close()
-            self._failed.remove_if_empty()
+            self._failed.remove_without_frames()
 
     def _wait_longer(self) -> None:
         self._retry_ns = boottime_ns() + round(self._delay_s * NS_PER_S)

@@ -70,6 +70,7 @@ class LogWriter:
         self._channels: dict[str, int] = {}
         self._log_time = 0
         self._failed = False
+        self._has_frames = False
         self._summary = TripSummary()
         self._utc_less_boat_ns: int | None = None
         """UTC less boat time as the newest frame says, ns; `None` = it does not know UTC."""
@@ -93,6 +94,7 @@ class LogWriter:
     def write_frame(self, data: bytes, frame: Frame, t_ns: int) -> None:
         """A frame's bytes, unchanged; `frame` is the same, decoded. Usable fixes once more as Foxglove draws them."""
         self._add(FRAMES, data, t_ns, frame.t1_ns, frame.seq % 2**32)
+        self._has_frames = True
         self._summary.frame(frame)
         self._utc_less_boat_ns = None if frame.utc_ns is None else frame.utc_ns - frame.t0_ns
         for fix in frame.fixes:
@@ -172,10 +174,10 @@ class LogWriter:
             with suppress(OSError):
                 self._file.close()
 
-    def remove_if_empty(self) -> None:
-        """Leave no file behind in which nothing is: its disk took nothing. Close it before."""
+    def remove_without_frames(self) -> None:
+        """Leave no file behind in which no frame is: its disk took nothing. Close it before."""
         with suppress(OSError):
-            if not self.is_gone and self.path.stat().st_size == 0:
+            if not self._has_frames and not self.is_gone:
                 self.path.unlink()
 
     def name_by_boat(self, boat_id: str, utc_ns: int) -> Path | None:

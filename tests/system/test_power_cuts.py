@@ -136,7 +136,7 @@ def test_the_station_takes_no_boat_for_a_new_one_and_claims_no_frame_that_is_not
     try:
         address = daemon.ready()["bind"].removeprefix("tcp://")
         boot_id = daemon.said("ready")["boot_id"]  # type: ignore[index]
-        for seconds, kill in ((3.0, False), (2.5, True), (3.0, False)):
+        for seconds, kill in ((3.0, False), (2.5, True), (3.0, False)) * (1 + STATES // 300):
             connected(address, logs, record, seconds, kill=kill)
             time.sleep(0.5)
     finally:

@@ -57,7 +57,7 @@ class Jump(NamedTuple):
     """A jump of the position, or what looks like one."""
 
     ways: frozenset[tuple[int, bool]]
-    """Its axes and sides."""
+    """The axes on which the error is, each with its side: True = to the east, or north."""
     since_ns: int
     newest_ns: int
 
