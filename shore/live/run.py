@@ -290,6 +290,9 @@ class LiveRun:
         assert self._log.path is not None
         before, is_gone, now_ns = self._log.path, self._log.is_gone, time.time_ns()
         record = {**self._start.record, "options": {**self._start.options, "begun_again": before.name}}
+        following = None if is_gone else self._ledger.next
+        if following is not None:  # its trip begins here
+            record["connected"] = {**self._connected, "boot_id": following[0], "next_seq": following[1]}
         gone = self._log.begin_again(Start(record, self._config), now_ns)
         if self.log_fault is not None:
             return
@@ -303,7 +306,7 @@ class LiveRun:
             self._ledger.rename_trip(self._trip, self._log.path.name)
         for trip in (self._log.path.name if is_gone else self._trip, *gone):
             self._ledger.forget_trip(trip)
-        if not is_gone and (following := self._ledger.next) is not None:
+        if following is not None:
             with suppress(WayfixError):  # what it holds is not asked for, and what comes late goes beside it
                 take_frames(self._ledger, before, 0, self._config.boat.id)
             self._ledger.begin_trip(*following, self._log.path.name)

@@ -30,6 +30,8 @@ class LogRecorder:
         self._writer: LogWriter | None = None
         self._failed: LogWriter | None = None
         """The writer of the log that ended before the run."""
+        self._before: tuple[Path, LogWriter | None] | None = None
+        """The log before this one, and its writer if it had ended; `None` = this is the first."""
         self._worker = ThreadPoolExecutor(1, "log-sync")
         self._delay_s = RETRY_S
         self._retry_ns = 0
@@ -76,6 +78,7 @@ class LogRecorder:
             self._worker = ThreadPoolExecutor(1, "log-sync")
         else:
             self._writer.abandon()
+        self._before = self.path, self._failed
         self._writer, self._failed, self.fault = writer, None, None
         self._began_ns, self.path = began_ns, writer.path
 
@@ -148,7 +151,8 @@ class LogRecorder:
         if self._failed is not None:
             with suppress(WayfixError):
                 self._failed.close()
-            self._failed.remove_without_frames()
+            if self._failed.remove_without_frames() and self._before is not None:
+                self.path, self._failed = self._before  # it is still that one which has ended
 
     def _wait_longer(self) -> None:
         self._retry_ns = boottime_ns() + round(self._delay_s * NS_PER_S)

@@ -174,11 +174,13 @@ class LogWriter:
             with suppress(OSError):
                 self._file.close()
 
-    def remove_without_frames(self) -> None:
-        """Leave no file behind in which no frame is: its disk took nothing. Close it before."""
+    def remove_without_frames(self) -> bool:
+        """Leave no file behind in which no frame is: its disk took nothing. Close it before. True = it is removed."""
+        if self._has_frames or self.is_gone:
+            return False
         with suppress(OSError):
-            if not self._has_frames and not self.is_gone:
-                self.path.unlink()
+            self.path.unlink()
+        return self.is_gone
 
     def name_by_boat(self, boat_id: str, utc_ns: int) -> Path | None:
         """Where `close` will leave the log: under the boat's UTC of its first frame; `None` = under the name it has.

@@ -14,6 +14,7 @@ from shore.live.earlier_trips import complete_trips
 from shore.logbook import log_writer
 from shore.logbook.log_reader import read_log
 from shore.logbook.log_writer import LogWriter
+from shore.trips.examine import examine
 from tests.station.journeys import Board, session
 from tests.station.logs import UTC_NS
 from tests.station.test_journey import check_each_frame_once
@@ -130,8 +131,9 @@ def test_a_disk_that_was_pulled_out_and_comes_back(
 
 
 @pytest.mark.parametrize("faults", [1, 4])
+@pytest.mark.parametrize("begun", [False, True], ids=["at any call", "in a log that has begun"])
 def test_a_disk_that_fails_for_a_moment_costs_no_frame(
-    faults: int, tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch
+    faults: int, begun: bool, tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What the log lacks since its disk failed goes beside it, and a new log goes on."""
     logs = tmp_path / "logs"
@@ -140,7 +142,7 @@ def test_a_disk_that_fails_for_a_moment_costs_no_frame(
 
     def fails(writer: LogWriter, action: Callable[[], None]) -> None:
         def failing() -> None:
-            if board.count >= begins and left[0]:
+            if board.count >= begins and left[0] and (not begun or writer.log_time_ns):
                 left[0] -= 1
                 raise OSError(5, "Input/output error")
             action()
@@ -157,3 +159,5 @@ def test_a_disk_that_fails_for_a_moment_costs_no_frame(
     session(logs, board, 1.0)
     complete_trips(logs, print)
     check_each_frame_once(logs, board)
+    for log in logs.glob("*.mcap"):
+        assert examine(log, lambda _scan: None).holes == (0, 0, 0, 0), log
