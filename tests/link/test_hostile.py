@@ -300,18 +300,17 @@ def test_who_keeps_asking_and_never_reads_is_cut_off() -> None:
             await read(raw, len(GREETING))
             await loop.sock_sendall(raw, b"\x04" + bytes([len(READY)]) + READY)
             await read(raw, (await read(raw, 2))[1])
-            begun = loop.time()
-
-            async def ask() -> None:
-                everything = (FrameRange(BOOT, 0, HUGE),)
-                for number in range(400):
+            everything = (FrameRange(BOOT, 0, HUGE),)
+            with suppress(ConnectionResetError, BrokenPipeError):
+                for number in range(160):
                     lease = Lease("f", BOOT, session.MAX_WINDOW, number * 10**9, 0, everything)
                     await loop.sock_sendall(raw, zmtp(session.pack("lease", **lease.as_fields())))
                     await asyncio.sleep(0.05)
-
-            with pytest.raises((ConnectionResetError, BrokenPipeError)):
-                await ask()
-            print(f"\n  hostile: cut off after {loop.time() - begun:.1f} s")
+            # What is on its way comes still, and then the end: the board has closed it.
+            with suppress(ConnectionResetError):
+                async with asyncio.timeout(10.0):
+                    while await loop.sock_recv(raw, 65_536):
+                        pass
         assert bench.server.malformed == 0
         assert bench.server.clients == 1
 
