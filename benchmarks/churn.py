@@ -20,24 +20,13 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.observer import child, kilobytes
+from benchmarks.peers import BOAT
 from common.keys import new_keys
 from onboard.link.allow_list import READ, AllowList
 from shore.link.link import Link
 from shore.link.transport import LinkKeys
 from tests.link import floods
 
-BOAT: Final = """[boat]
-id = "churn"
-[frames]
-rate_hz = 20
-[[port]]
-name = "gps"
-path = "{path}"
-[[sensor]]
-id = "gps1"
-port = "gps"
-role = "gps"
-"""
 LINE: Final = b"$GPGGA,120000.00,5046.0000,N,00116.0000,W,1,08,1.0,5.0,M,,M,,*54\r\n"
 FLOODS: Final = (floods.parts, floods.leases, floods.bad, floods.hellos)
 MOST_MB: Final = 5.0

@@ -39,11 +39,11 @@ id = "benchmark"
 [frames]
 rate_hz = 20
 [[port]]
-name = "none"
-path = "/dev/ttyNONE"
+name = "gps"
+path = "{path}"
 [[sensor]]
 id = "gps1"
-port = "none"
+port = "gps"
 role = "gps"
 """
 PERIOD_S: Final = 0.05
@@ -149,7 +149,7 @@ class Station:
 @contextmanager
 def daemon(place: Path, *options: str) -> Iterator[tuple[dict[str, Any], int]]:
     """What it said, and its process."""
-    (place / "boat.toml").write_text(BOAT)
+    (place / "boat.toml").write_text(BOAT.format(path="/dev/ttyNONE"))
     program = str(Path(sys.executable).with_name("wayfix-onboard"))
     where = ("--bind", "tcp://127.0.0.1:*", "--state", str(place / "state"), "--runtime", str(place / "run"))
     command = (program, "run", *where, *options, str(place / "boat.toml"))

@@ -249,7 +249,7 @@ LEVELS: Final = ("debug", "info", "warning", "error")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something a person should know, on either side; codes stand in `common.events`."""
+    """Something a person should know, on either side; codes stand in `common.event_kinds`."""
 
     t_ns: int
     source: SensorId

@@ -352,10 +352,8 @@ def _told(voice: _Voice, lead: _Voice, ahead: Sequence[int], *, used: bool) -> O
     elif zone_ms and abs(middle_ms - zone_ms) <= ZONE_NEAR_MS:
         kind = "local-time"
     elif GPS_LEAP_MS[0] <= middle_ms <= GPS_LEAP_MS[1]:
-        kind, middle_ms = (
-            "gps-time",
-            min(middle_ms, MOST_LEAP_MS),
-        )  # a second more where it stands before the leading one
+        kind = "gps-time"
+        middle_ms = min(middle_ms, MOST_LEAP_MS)  # a clock that comes first in each burst seems a second further ahead
     elif -1_000 < middle_ms <= 0 and all(tod_ms % 1_000 == 0 for tod_ms in voice.tods) and _has_parts(lead):
         kind = "whole-seconds"
     else:

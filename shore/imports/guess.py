@@ -22,7 +22,7 @@ from shore.imports.table_file import TableFile
 
 ROWS: Final = 50_000
 """So many rows are read to compare the columns with each other."""
-ROUNDS: Final = 5
+ROUNDS: Final = 3
 """So often the proposal is read again after a correction."""
 HELD_SHARE: Final = 0.3
 """Share of rows that repeat the place of the row before, from which on the columns hold their last value."""
@@ -198,7 +198,8 @@ def _compare(proposal: Proposal, path: Path) -> None:
         for record in islice(reader.records(), ROWS):
             for measurement in reader.measure(record, record.t_ns or 0):
                 check.add(measurement)
-        if not any(_correct(proposal, finding, mapping) for finding in check.findings()):
+        changes = [_correct(proposal, finding, mapping) for finding in check.findings()]
+        if not any(changes):
             break
     proposal.above += [words for account in reader.accounts if (words := account.too_little()) is not None]
 

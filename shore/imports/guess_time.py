@@ -91,7 +91,7 @@ def _by_name(file: TableFile, clocks: "_Clocks") -> TimeGuess | None:
         others = [column for column in named if utc_word(column) in {word, 0}]
         guess = clocks.of(group, [*others, *unnamed])
         if guess is not None and "wraps_s" not in guess.keys:
-            return clocks.with_day_of(_of_clock(guess, word), named)
+            return clocks.with_day(_of_clock(guess, word), named)
         time_of_day = time_of_day or guess
     return time_of_day or clocks.of(unnamed, unnamed)
 
@@ -137,8 +137,11 @@ class _Clocks:
             what = f"column {columns!r} is {self._texts(guess.keys['column'])[0]!r} in all of the first rows"
             raise WayfixError(what, str(self._path), "export the table again, with all digits of the time")
 
-    def with_day_of(self, guess: TimeGuess, named: Sequence[str]) -> TimeGuess:
-        """The same; with a question, where the time of day is UTC, and the day that of a local clock beside it."""
+    def with_day(self, guess: TimeGuess, named: Sequence[str]) -> TimeGuess:
+        """The same with a doubt, where the time of day is UTC, and the day may be that of a local clock beside it.
+
+        Raises WayfixError where the local clock shows that the day of UTC is another one.
+        """
         more = guess.keys.get("more", ())
         if len(more) != 1 or utc_word(guess.keys["column"]) == 1 or utc_word(more[0]) != 1:
             return guess
@@ -151,9 +154,9 @@ class _Clocks:
         ahead_s = (local_s - utc_s + _MOST_BEHIND_S) % _DAY_S - _MOST_BEHIND_S
         if 0.0 <= utc_s + ahead_s < _DAY_S:
             return guess
-        question = f"{day!r} is the local day, and that of UTC is another one: take the local time, which is no UTC?"
-        line = f'column = "{day}", more = ["{local.keys["column"]}"], utc = false'
-        return guess._replace(question=(question, (line,)))
+        what = f"column {day!r} is the local day, and that of {utc!r} is another one, which no column says"
+        cure = f"map {day} and {local.keys['column']} without utc by hand (docs/mapping.md): the log has no UTC then"
+        raise WayfixError(what, str(self._path), cure)
 
     def week(self) -> TimeGuess | None:
         """GPS week and time of week."""

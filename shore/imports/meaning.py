@@ -265,17 +265,13 @@ def _heading_doubt(means: WindowMeans) -> Doubt | None:
 
 def _bow_doubt(means: WindowMeans) -> Doubt | None:
     """Heading beside the course of the places themselves, on a straight way too."""
-    if "heading" not in means.of or not hasattr(means, "v_east"):
-        return None
-    course = np.degrees(np.arctan2(means.v_east, means.v_north))
-    said = (means.of["heading"][1:] + means.of["heading"][:-1]) / 2.0
-    good = np.isfinite(course) & np.isfinite(said) & (np.hypot(means.v_east, means.v_north) > 1.0)
-    off_deg = _off(said[good] - course[good]) if good.sum() >= LEAST_WINDOWS else 0.0
+    course, said = _courses(means, "heading")
+    off_deg = _off(said - course)
     if off_deg < NEAR_DEG:
         return None
-    text = f"the places move to {course[good][0] % 360:.0f} deg where the heading says {said[good][0]:.3g}"
+    text = f"the places move to {course[0] % 360:.0f} deg where the heading says {said[0]:.3g}"
     for factor, offset_deg, guess in _BOWS:
-        if _off(factor * said[good] + offset_deg - course[good]) < min(NEAR_DEG, off_deg / 3.0):
+        if _off(factor * said + offset_deg - course) < min(NEAR_DEG, off_deg / 3.0):
             return Doubt(f"{text}: {guess}", "heading" if offset_deg == BACK_DEG else "scale",
                          None if offset_deg == BACK_DEG else factor)  # fmt: skip
     return None if off_deg < FAR_OFF_DEG else Doubt(f"{text}: is it the direction of the bow?", "heading", None)
@@ -297,23 +293,32 @@ def _beside_course(means: WindowMeans, name: str) -> tuple[Array | None, Array |
 
 def _mirror_doubt(means: WindowMeans) -> Doubt | None:
     """Course of the places against the receiver's own: a sum of both that stays is a mirrored map."""
-    if "cog" not in means.of or not hasattr(means, "v_east"):
-        return None
-    course = np.degrees(np.arctan2(means.v_east, means.v_north))
-    said = (means.of["cog"][1:] + means.of["cog"][:-1]) / 2.0
-    good = np.isfinite(course) & np.isfinite(said) & (np.hypot(means.v_east, means.v_north) > 1.0)
-    off_deg = _off(course[good] - said[good]) if good.sum() >= LEAST_WINDOWS else 0.0
+    course, said = _courses(means, "cog")
+    off_deg = _off(course - said)
     if off_deg < AGREED_DEG:
         return None
     for whole_deg, key, guess in _MIRRORS:
-        if _off(course[good] + said[good] - whole_deg) < min(NEAR_DEG, off_deg / 3.0):
-            text = f"the places move to {course[good][0] % 360:.0f} deg where the course says {said[good][0] % 360:.0f}"
+        if _off(course + said - whole_deg) < min(NEAR_DEG, off_deg / 3.0):
+            text = f"the places move to {course[0] % 360:.0f} deg where the course says {said[0] % 360:.0f}"
             return Doubt(f"{text}: {guess}", key, None)
     return None
 
 
+def _courses(means: WindowMeans, name: str) -> tuple[Array, Array]:
+    """Course of the places at 1 m/s and more, deg, and a direction beside it; none where too few windows have both."""
+    if name not in means.of or not hasattr(means, "v_east"):
+        return np.zeros(0), np.zeros(0)
+    course = np.degrees(np.arctan2(means.v_east, means.v_north))
+    said = (means.of[name][1:] + means.of[name][:-1]) / 2.0
+    good = np.isfinite(course) & np.isfinite(said) & (np.hypot(means.v_east, means.v_north) > 1.0)
+    few = good.sum() < LEAST_WINDOWS
+    return course[good & ~few], said[good & ~few]
+
+
 def _off(angles_deg: Array) -> float:
-    """Median size of angles, deg."""
+    """Median size of angles, deg; 0 of none."""
+    if not len(angles_deg):
+        return 0.0
     return float(np.median(np.abs((angles_deg + 180.0) % 360.0 - 180.0)))
 
 

@@ -91,7 +91,7 @@ def sentence(tree: Tree) -> None:
 
 def happening(tree: Tree) -> None:
     row = '    "bilge-wet": EventKind("warning", "{depth_mm} mm of water in the bilge", "pump it out"),\n'
-    tree.after("common/events.py", "EVENTS:", row)
+    tree.after("common/event_kinds.py", "EVENTS:", row)
     said = tree.python(
         "-c",
         "from common.codec import decode_frame, encode_frame\n"

@@ -5,7 +5,8 @@ from string import Formatter
 import pytest
 
 from common.codec import decode_frame, encode_frame
-from common.events import EVENTS, event
+from common.event_kinds import EVENTS
+from common.events import event
 from common.messages import LEVELS
 from tests.strategies import frame_of
 

@@ -1,153 +1,25 @@
 """Tables as loggers, autopilots and office programs write them, of one known voyage, and what is right of each."""
 
-import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
-from functools import cached_property
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Final
 
-ROWS: Final = 48
-BEGIN: Final = datetime(2026, 5, 12, 10, 8, tzinfo=UTC)
-SPEED_M_S: Final = 2.5
-VIGO: Final = (42.23, -8.74)
-LEAP_S: Final = 18
-"""GPS time less UTC since 2017, s."""
-_MINUTE_M: Final = 1852.0
-
-
-class Angle:
-    """Parts of a latitude or longitude: sign, degrees, minutes, seconds and letter."""
-
-    def __init__(self, degrees: float, letters: str) -> None:
-        self.value = degrees
-        self.h = letters[degrees < 0.0]
-        self.sign = "-" if degrees < 0.0 else ""
-        self.abs = abs(degrees)
-        self.d, self.m = int(self.abs), self.abs % 1.0 * 60.0
-        self.mi, self.s = int(self.m), self.m % 1.0 * 60.0
-        self.packed = self.d * 100.0 + self.m
-        self.minutes = degrees * 60.0
-        self.e7 = round(degrees * 1e7)
-        self.rad = math.radians(degrees)
-        self.e6 = round(degrees * 1e6)
-        self.semi = round(degrees / 180.0 * 2**31)
-
-
-@dataclass(frozen=True)
-class Row:
-    """The truth of one row; course and heading are the same: no leeway, no current."""
-
-    k: int
-    t: datetime
-    lat_deg: float
-    lon_deg: float
-    cog: float
-    rate: float
-    """Yaw rate, deg/s, + to starboard."""
-    kn: float = SPEED_M_S / 1852.0 * 3600.0
-
-    @cached_property
-    def lat(self) -> Angle:
-        return Angle(self.lat_deg, "NS")
-
-    @cached_property
-    def lon(self) -> Angle:
-        return Angle(self.lon_deg, "EW")
-
-    def fields(self) -> dict[str, object]:
-        """What a template may name."""
-        unix = self.t.timestamp()
-        midnight = self.t.replace(hour=0, minute=0, second=0, microsecond=0)
-        gps_s = round(unix) - 315_964_800 + LEAP_S
-        yaw = math.radians(self.cog) / 2.0
-        ros = math.radians(90.0 - self.cog) / 2.0
-        return {
-            "k": self.k, "t": self.t, "lt": self.t + timedelta(hours=2), "gt": self.t + timedelta(seconds=LEAP_S),
-            "lat": self.lat, "lon": self.lon, "cog": self.cog, "rate": self.rate, "kn": self.kn, "m_s": SPEED_M_S,
-            "kmh": SPEED_M_S * 3.6, "mph": SPEED_M_S / 0.44704, "unix": round(unix),
-            "ms": 1_000_000 + self.k * 1000, "frac": (unix - midnight.timestamp()) / 86400.0,
-            "excel": unix / 86400.0 + 25_569, "excel0": round(midnight.timestamp() / 86400.0) + 25_569,
-            "matlab": unix / 86400.0 + 719_529, "julian": unix / 86400.0 + 2_440_587.5,
-            "since_1904": round(unix) + 2_082_844_800, "since_2001": round(unix) - 978_307_200,
-            "fit": round(unix) - 631_065_600, "mmss": f"{self.k // 60:02d}:{self.k % 60:02d}",
-            "hms_int": int(self.t.strftime("%H%M%S")), "cdeg": round(self.cog * 100), "ckn": round(self.kn * 100),
-            "gps": gps_s, "week": gps_s // 604_800, "tow": gps_s % 604_800,
-            "ve": SPEED_M_S * math.sin(math.radians(self.cog)), "vn": SPEED_M_S * math.cos(math.radians(self.cog)),
-            "ay": SPEED_M_S * math.radians(self.rate), "rad": math.radians(self.cog), "rad_s": math.radians(self.rate),
-            "qz": math.sin(yaw), "qw": math.cos(yaw), "rz": math.sin(ros), "rw": math.cos(ros),
-            "back": (self.cog + 180.0) % 360.0, "enu": (90.0 - self.cog) % 360.0,
-            "lon360": self.lon_deg % 360.0, "west_minutes": -self.lon_deg * 60.0,
-            "hms": self.t.strftime("%H%M%S"), "dmy": int(self.t.strftime("%d%m%y")),
-        }  # fmt: skip
-
-
-def voyage(
-    begin: datetime = BEGIN,
-    place: tuple[float, float] = VIGO,
-    rows: int = ROWS,
-    *,
-    cog: float = 40.0,
-    turn: bool = True,
-) -> list[Row]:
-    """One row a second: straight, then a turn to starboard, then to port."""
-    made, (lat, lon) = [], place
-    for k in range(rows):
-        rate = (4.0 if k % 32 < 16 else -3.0) if turn and k > 8 else 0.0
-        made.append(Row(k, begin + timedelta(seconds=k), lat, lon, cog % 360.0, rate))
-        lat += SPEED_M_S * math.cos(math.radians(cog + rate / 2.0)) / _MINUTE_M / 60.0
-        lon += SPEED_M_S * math.sin(math.radians(cog + rate / 2.0)) / _MINUTE_M / 60.0 / math.cos(math.radians(lat))
-        cog += rate
-    return made
-
-
-@dataclass(frozen=True)
-class Table:
-    """One input."""
-
-    head: str
-    row: str
-    """A template of `str.format` with the names of `Row.fields`."""
-    right: str = "read"
-    """`read`, `asked` (refused with both lines), `refused` (one sentence), or `safe` (any of the three)."""
-    parts: str = "fix sog cog"
-    """What a right reading brings."""
-    has_utc: bool = True
-    """False = nothing in the file says the day, or that it is UTC."""
-    rows: Sequence[Row] = ()
-    order: Callable[[list[str]], list[str]] = list
-    encoding: str = "utf-8"
-    magnetic: bool = False
-    name: str = "in.csv"
-
-    @property
-    def truth(self) -> Sequence[Row]:
-        return self.rows or voyage()
-
-    def data(self) -> bytes:
-        lines = [self.row.format(**row.fields()) for row in self.truth]
-        text = "\n".join([*([self.head] if self.head else []), *self.order(lines)]) + "\n"
-        return text.encode(self.encoding)
-
+from tests.station.logger_voyage import BEGIN, Table, voyage
 
 ISO = "{t:%Y-%m-%dT%H:%M:%SZ}"
 PLACE = "{lat.value:.7f},{lon.value:.7f}"
 WAY = "{kn:.3f},{cog:.2f}"
 
 
-def near(day: datetime, place: tuple[float, float] = VIGO, *, cog: float = 40.0, turn: bool = True) -> list[Row]:
-    """A voyage of another day or place."""
-    return voyage(day, place, cog=cog, turn=turn)
-
-
-JANUARY = near(datetime(2026, 1, 5, 8, 8, tzinfo=UTC))
-LATE = near(datetime(2026, 5, 22, 15, 8, tzinfo=UTC))
+JANUARY = voyage(datetime(2026, 1, 5, 8, 8, tzinfo=UTC))
+LATE = voyage(datetime(2026, 5, 22, 15, 8, tzinfo=UTC))
 LONG = voyage(rows=120)
 FRISCO, AUCKLAND, SINGAPORE = (37.8, -122.4), (-36.84, 174.76), (1.25, 103.8)
 
 
 def of_place(table: Table, place: tuple[float, float]) -> Table:
-    return replace(table, rows=near(BEGIN, place))
+    return replace(table, rows=voyage(BEGIN, place))
 
 
 def tables() -> Iterator[tuple[str, Table]]:
@@ -188,7 +60,7 @@ PLACES: Final[dict[str, Table]] = {
     "minus before the minutes of zero degrees": replace(
         Table("time,lat_deg,lat_min,lon_deg,lon_min,sog,cog",
               ISO + ",{lat.d},{lat.m:.5f},{lon.d},{lon.sign}{lon.m:.5f}," + WAY),
-        rows=near(BEGIN, (51.5, -0.4)),
+        rows=voyage(BEGIN, (51.5, -0.4)),
     ),
     "colons": Table("time,lat,lon,sog,cog", ISO + ",{lat.d}:{lat.mi:02d}:{lat.s:07.4f},"
                     "{lon.sign}{lon.d}:{lon.mi:02d}:{lon.s:07.4f}," + WAY),
@@ -203,7 +75,7 @@ PLACES: Final[dict[str, Table]] = {
                                             right="refused"),
     "swapped names, San Francisco": of_place(replace(_SWAPPED, right="read"), FRISCO),
     "swapped names, Auckland": of_place(_SWAPPED, AUCKLAND),
-    "swapped names, both fit, with a course": replace(_SWAPPED, rows=near(BEGIN, cog=110.0)),
+    "swapped names, both fit, with a course": replace(_SWAPPED, rows=voyage(BEGIN, cog=110.0)),
     "swapped names, no course": replace(of_place(_SWAPPED, FRISCO), head="time,lat,lon",
                                         row=f"{ISO},{{lon.value:.6f}},{{lat.value:.6f}}", parts="fix", right="safe"),
     "x and y of a map": Table("X,Y,fid,track_fid,time,speed", "{lon.value:.7f},{lat.value:.7f},{k},0," + ISO
@@ -266,7 +138,7 @@ TIMES: Final[dict[str, Table]] = {
     "UTC of day beside a local date and time": timed("Date,Time,UTC", "{lt:%Y-%m-%d},{lt:%H:%M:%S},{t:%H:%M:%S}"),
     "UTC of day on the day before the local date": timed(
         "Date,Time,UTC", "{lt:%Y-%m-%d},{lt:%H:%M:%S},{t:%H:%M:%S}",
-        rows=near(datetime(2026, 5, 12, 22, 30, tzinfo=UTC)), right="safe",
+        rows=voyage(datetime(2026, 5, 12, 22, 30, tzinfo=UTC)), right="safe",
     ),
     "local and UTC dates and times": timed("Date (local),Time (local),Date (UTC),Time (UTC)",
                                            "{lt:%d/%m/%Y},{lt:%H:%M:%S},{t:%d/%m/%Y},{t:%H:%M:%S}", rows=LATE),
@@ -277,9 +149,9 @@ TIMES: Final[dict[str, Table]] = {
     "Excel day": timed("Date", "{excel:.9f}"),
     "Excel day with a comma": Table("Datum;Breite;Länge", "{excel:.9f};{lat.value:.7f};{lon.value:.7f}", parts="fix"),
     "DDMMYY without its zero": replace(_EATEN, rows=JANUARY),
-    "DDMMYY without its zero, the tenth digit": replace(_EATEN, rows=near(datetime(2026, 12, 1, 8, 8, tzinfo=UTC))),
+    "DDMMYY without its zero, the tenth digit": replace(_EATEN, rows=voyage(datetime(2026, 12, 1, 8, 8, tzinfo=UTC))),
     "HHMMSS without its zeros": replace(
-        _EATEN, row=_EATEN.row.replace("{hms}", "{hms_int}"), rows=near(datetime(2026, 1, 5, 0, 0, 1, tzinfo=UTC))
+        _EATEN, row=_EATEN.row.replace("{hms}", "{hms_int}"), rows=voyage(datetime(2026, 1, 5, 0, 0, 1, tzinfo=UTC))
     ),
     "DDMMYY beside plain degrees": Table("date,time,lat,lon,sog,cog", "{dmy:06d},{hms}," + PLACE + "," + WAY),
     "DDMMYY beside a clock with colons": timed("date,time", "{dmy:06d},{t:%H:%M:%S}", right="safe"),
@@ -297,22 +169,22 @@ TIMES: Final[dict[str, Table]] = {
     "English month": timed("time", "{t:%d-%b-%Y %H:%M:%S}"),
     "German month": timed("Zeit", "{t.day}. Mai 2026 {t:%H:%M:%S}"),
     "German month, short": timed("Datum,Uhrzeit", "12.Okt.2026,{t:%H:%M:%S}",
-                                 rows=near(datetime(2026, 10, 12, 10, 8, tzinfo=UTC))),
-    "French month": timed("heure", "12 août 2026 {t:%H:%M:%S}", rows=near(datetime(2026, 8, 12, 10, 8, tzinfo=UTC))),
-    "Spanish month": timed("fecha", "12-dic-2026 {t:%H:%M:%S}", rows=near(datetime(2026, 12, 12, 10, 8, tzinfo=UTC))),
+                                 rows=voyage(datetime(2026, 10, 12, 10, 8, tzinfo=UTC))),
+    "French month": timed("heure", "12 août 2026 {t:%H:%M:%S}", rows=voyage(datetime(2026, 8, 12, 10, 8, tzinfo=UTC))),
+    "Spanish month": timed("fecha", "12-dic-2026 {t:%H:%M:%S}", rows=voyage(datetime(2026, 12, 12, 10, 8, tzinfo=UTC))),
     "French month, cp1252": timed("heure", "12 févr. 2026 {t:%H:%M:%S}", encoding="cp1252",
-                                  rows=near(datetime(2026, 2, 12, 10, 8, tzinfo=UTC))),
+                                  rows=voyage(datetime(2026, 2, 12, 10, 8, tzinfo=UTC))),
     "day or month, 24 hours": replace(_DMY, right="asked"),
     "day first, the 22nd": replace(_DMY, rows=LATE),
     "AM and PM, day or month": timed("time", "{t:%m/%d/%Y %I:%M:%S %p}", right="asked"),
     "AM and PM, an Australian": timed("time", "{t.day}/{t:%m/%Y %I:%M:%S %p}", right="asked",
-                                      rows=near(datetime(2026, 5, 6, 10, 8, tzinfo=UTC))),
+                                      rows=voyage(datetime(2026, 5, 6, 10, 8, tzinfo=UTC))),
     "AM and PM, the 22nd": timed("time", "{t:%m/%d/%Y %I:%M:%S %p}", rows=LATE),
     "AM and PM beside an ISO date": timed("time,day", "{t:%m/%d/%Y %I:%M:%S %p},{t:%Y-%m-%d}", right="safe"),
     "AM and PM of miles and feet": timed("Time,Speed (mph),Altitude (ft)", "{t:%m/%d/%Y %I:%M:%S %p},{mph:.3f},12.0",
                                          right="safe"),
     "over midnight of a month": timed("time", "{t:%m/%d/%Y %I:%M:%S %p}",
-                                      rows=near(datetime(2026, 5, 12, 23, 59, 40, tzinfo=UTC))),
+                                      rows=voyage(datetime(2026, 5, 12, 23, 59, 40, tzinfo=UTC))),
     "epoch in s": timed("time", "{unix}"),
     "epoch in s with decimals": timed("timestamp", "{unix}.000"),
     "epoch in ms": timed("timestamp", "{unix}000"),
@@ -329,7 +201,7 @@ TIMES: Final[dict[str, Table]] = {
     "Julian day": timed("JD", "{julian:.9f}", right="safe"),
     "time of day": timed("time", "{t:%H:%M:%S}.00", has_utc=False),
     "time of day over noon, 12 hours": timed("time", "{t:%I:%M:%S %p}", has_utc=False,
-                                             rows=near(datetime(2026, 5, 12, 11, 59, 40, tzinfo=UTC))),
+                                             rows=voyage(datetime(2026, 5, 12, 11, 59, 40, tzinfo=UTC))),
     "seconds since the start": timed("elapsed [s]", "{k}.0", has_utc=False),
     "minutes and seconds": timed("elapsed", "{mmss}", has_utc=False, right="safe"),
     "R POSIXct": timed('"","time"', '"{k}",{t:%Y-%m-%d %H:%M:%S}'),
@@ -426,9 +298,9 @@ LOGGERS: Final[dict[str, Table]] = {
                                                  parts="fix", right="safe"),
     "heading 0 beside a course": Table("time,lat,lon,cog,heading", ISO + f",{PLACE},{{cog:.2f}},0.0", parts="fix cog"),
     "straight, heading from east": Table("time,lat,lon,yaw", ISO + f",{PLACE},{{enu:.2f}}", parts="fix",
-                                         rows=near(BEGIN, cog=130.0, turn=False)),
+                                         rows=voyage(BEGIN, cog=130.0, turn=False)),
     "straight, heading in rad": Table("time,lat,lon,heading", ISO + f",{PLACE},{{rad:.4f}}", parts="fix",
-                                      rows=near(BEGIN, cog=130.0, turn=False)),
+                                      rows=voyage(BEGIN, cog=130.0, turn=False)),
     "speed in m/s without a unit": Table("time,lat,lon,speed,course", ISO + f",{PLACE},{{m_s:.3f}},{{cog:.2f}}"),
     "speed in km/h without a unit": Table("time,lat,lon,speed,course", ISO + f",{PLACE},{{kmh:.3f}},{{cog:.2f}}"),
 }  # fmt: skip

@@ -11,7 +11,7 @@ from common.units import NS_PER_S
 from shore.imports.column_map import read_column_map
 from shore.imports.columns import ColumnReader
 from shore.imports.guess import proposed
-from tests.station.logger_tables import Row, Table
+from tests.station.logger_voyage import Row, Table
 
 _DEG_M = 111_195.0
 NOW_S = 1_798_000_000.0
@@ -25,6 +25,8 @@ class Verdict(NamedTuple):
     words: str
     text: str = ""
     """The proposal."""
+    answered: tuple[str, ...] = ()
+    """The proposal with each answer to its questions."""
 
 
 def verdict(table: Table, directory: Path) -> Verdict:
@@ -37,7 +39,8 @@ def verdict(table: Table, directory: Path) -> Verdict:
         return Verdict("refused", str(refusal))
     text = proposal.text()
     if proposal.questions:
-        return Verdict("asked", str(proposal.questions), text)
+        answers = [answer for _, lines in proposal.questions.values() for answer in lines]
+        return Verdict("asked", str(proposal.questions), text, tuple(text.replace(f"# {it}", it) for it in answers))
     (directory / "map.toml").write_text(text, encoding="utf-8")
     try:
         reader = ColumnReader(path, read_column_map(directory / "map.toml"))

@@ -4,14 +4,19 @@ from pathlib import Path
 
 import pytest
 
+from shore.imports.column_map import read_column_map
 from shore.main import main
-from tests.station.logger_tables import TIMES, Table, tables
+from tests.station.logger_tables import TIMES, tables
 from tests.station.logger_verdict import verdict
+from tests.station.logger_voyage import Table
 
 
 @pytest.mark.parametrize("table", [pytest.param(table, id=name) for name, table in tables()])
 def test_a_table_is_read_right_or_not_at_all(table: Table, tmp_path: Path) -> None:
     found = verdict(table, tmp_path)
+    for each in found.answered:  # whatever a person chooses, it is a mapping
+        (tmp_path / "answered.toml").write_text(each, encoding="utf-8")
+        read_column_map(tmp_path / "answered.toml")
     right = ("read", "asked", "refused") if table.right == "safe" else (table.right,)
     assert found.kind in right, f"{found.words}\n{found.text}"
 
