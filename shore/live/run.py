@@ -285,6 +285,11 @@ class LiveRun:
         if happening is not None:
             self._watchers.happened(happening, time.time_ns() if now_ns is None else now_ns)
 
+    @property
+    def _wants_another_log(self) -> bool:
+        """A bounded run asks for no frame twice: behind a fault another log would hide what is in none."""
+        return self._log.is_gone if self._trip is None else self._log.wants_another
+
     def _begin_log_again(self) -> None:
         """The log was removed, or its disk failed: another one begins, and what is in no log comes once more."""
         assert self._log.path is not None
@@ -297,7 +302,7 @@ class LiveRun:
         if self.log_fault is not None:
             return
         self._watchers.note(SESSION, greeted_record(self._connected), now_ns)
-        self.tally.not_stored = 0  # they come once more
+        self.tally.not_stored = self.tally.received if self._trip is None else 0  # else they come once more
         code = "log-gone" if is_gone else "log-again"
         self._happened(event(code, self.t_ns, "log", file=str(before), new=str(self._log.path)), now_ns)
         if self._trip is None:
@@ -315,7 +320,7 @@ class LiveRun:
             self._ledger.take(item.boot_id, item.first, item.last)
 
     def _each_second(self) -> None:
-        if self._log.wants_another:
+        if self._wants_another_log:
             self._begin_log_again()
         self._log.checkpoint()  # first: a fault of the disk belongs into this second's line
         limits = self._options.settings.limits

@@ -111,12 +111,12 @@ def test_a_port_pulled_and_plugged_again_is_one_event_each_and_frames_go_on(tmp_
 def test_a_full_disk_ends_the_log_and_not_the_run(tmp_path: Path) -> None:
     with boat(tmp_path, speed=8) as running:
         # A file size limit is the small brother of a full disk. 1 block = 512 bytes.
-        run = f"connect --open {running.address} --frames 60 --log '{tmp_path}/log' --json"
+        run = f"connect --open {running.address} --frames 90 --log '{tmp_path}/log' --json"
         line = f"ulimit -f 40; exec '{BIN}/wayfix' {run}"
         done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == 1, done.stderr
         result = json.loads(done.stdout.splitlines()[-1])
-        assert result["frames"] == {"received": 60, "missing": 0, "lost": 0}
+        assert result["frames"] == {"received": 90, "missing": 0, "lost": 0}
         assert "cannot be written any further" in result["log_fault"]
         assert done.stderr.count("the run goes on without a log") == 1
         assert "NO LOG | " in done.stderr
